@@ -1,0 +1,388 @@
+//! One cycle, in order: validate the sample → contact activation → feasibility and MPC → limit → outcome.
+
+use nalgebra::SVector;
+
+use crate::condensation::{Capacity, Workspace};
+use crate::contact::Contact;
+use crate::damping;
+use crate::feasibility::Verdict;
+use crate::mode::{Mode, StopReason, Transition};
+use crate::optimization::Optimized;
+use crate::outcome::{Counters, Motion, Outcome, Source};
+use crate::parameters::{Law, OnInfeasible, ParameterError, Parameters};
+use crate::plan::{Plan, nanoseconds};
+use crate::qp::QpSolver;
+use crate::robot::{InverseJacobian, Kinematics, Singular, right_inverse};
+use crate::sample::{Sample, SampleFault, SampleHistory};
+use crate::stopping;
+
+/// What a cycle starts from.
+#[derive(Debug, Clone, Copy)]
+pub enum Event<'a, const N: usize, const D: usize> {
+    /// A state sample arrived.
+    Sample(&'a Sample<N, D>),
+    /// None did for longer than allowed.
+    Silence,
+}
+
+/// The state between cycles.
+#[derive(Debug)]
+pub struct Controller<const N: usize, const D: usize, S, B> {
+    pub(crate) parameters: Parameters<N, D>,
+    pub(crate) solver: S,
+    pub(crate) workspace: Workspace<B>,
+    pub(crate) contact: Contact<D>,
+    pub(crate) plan: Plan<D>,
+    /// Offset of the last command: where the ramp of a released axis starts.
+    pub(crate) offset: SVector<f64, D>,
+    pub(crate) mode: Mode,
+    pub(crate) history: SampleHistory,
+    pub(crate) last: Option<Sample<N, D>>,
+    pub(crate) stop_reason: Option<StopReason>,
+    /// Stamp at which stopping began, ns.
+    stopping_since: u64,
+    pub(crate) enabled: bool,
+    pub(crate) requested: Option<StopReason>,
+    /// Fallbacks in a row for want of a solution.
+    pub(crate) unsolved: u32,
+    pub(crate) singular: Option<Singular>,
+    pub(crate) counters: Counters,
+}
+
+/// The pose of a cycle.
+pub(crate) struct Pose<const N: usize, const D: usize> {
+    pub(crate) kinematics: Kinematics<N>,
+    pub(crate) inverse: InverseJacobian<N, D>,
+}
+
+impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N, D, S, B> {
+    /// A controller that has seen nothing. `storage` holds at least [`Capacity::storage_len`] numbers for the horizon.
+    ///
+    /// # Errors
+    /// [`ParameterError`]; a storage that is too short counts as [`ParameterError::Horizon`].
+    pub fn new(parameters: Parameters<N, D>, solver: S, storage: B) -> Result<Self, ParameterError> {
+        parameters.check()?;
+        let capacity = Capacity::new::<N, D>(parameters.mpc.horizon);
+        Ok(Self {
+            workspace: Workspace::new(capacity, storage).ok_or(ParameterError::Horizon)?,
+            enabled: parameters.start_enabled,
+            stop_reason: (!parameters.start_enabled).then_some(StopReason::Disabled),
+            parameters,
+            solver,
+            contact: Contact::none(),
+            plan: Plan::empty(),
+            offset: SVector::zeros(),
+            mode: Mode::Idle,
+            history: SampleHistory::new(),
+            last: None,
+            stopping_since: 0,
+            requested: None,
+            unsolved: 0,
+            singular: None,
+            counters: Counters::default(),
+        })
+    }
+
+    /// The plan of the last answer, from the instant at which its command acts.
+    pub fn plan(&self) -> &Plan<D> {
+        &self.plan
+    }
+
+    /// The mode.
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Running counts.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// Samples that never arrived, and samples at irregular spacing.
+    pub fn history(&self) -> &SampleHistory {
+        &self.history
+    }
+
+    /// How singular the pose was that stopped the arm.
+    pub fn singular(&self) -> Option<Singular> {
+        self.singular
+    }
+
+    /// Goes on where `old` is, with this controller's own parameters: mode, contact, plan, samples and counts.
+    pub fn continue_from(&mut self, old: &Self) {
+        (self.mode, self.contact, self.plan, self.offset) = (old.mode, old.contact, old.plan, old.offset);
+        (self.history, self.last, self.counters) = (old.history, old.last, old.counters);
+        (self.stop_reason, self.stopping_since, self.singular) = (old.stop_reason, old.stopping_since, old.singular);
+        (self.enabled, self.requested, self.unsolved) = (old.enabled, old.requested, old.unsolved);
+    }
+
+    /// How long a command stays valid after it acts, in ns: its own cycle and the fallbacks that may follow.
+    pub fn validity(&self) -> u64 {
+        let timing = &self.parameters.timing;
+        nanoseconds(timing.sampling_time * f64::from(1 + timing.max_consecutive_fallbacks))
+    }
+
+    /// One cycle. `now` is the time in ns of CLOCK_MONOTONIC; `expired` is asked before and between solver iterations.
+    pub fn step(&mut self, event: Event<'_, N, D>, now: u64, expired: &mut dyn FnMut() -> bool) -> Outcome<N, D> {
+        self.counters.cycles += 1;
+        match event {
+            Event::Sample(sample) => match self.history.check(sample, now, &self.parameters.timing) {
+                Ok(()) => self.on_sample(sample, expired),
+                Err(fault) => self.on_fault(fault, now),
+            },
+            Event::Silence => self.on_fault(SampleFault::Silence, now),
+        }
+    }
+
+    fn on_sample(&mut self, sample: &Sample<N, D>, expired: &mut dyn FnMut() -> bool) -> Outcome<N, D> {
+        let restarted = self.history.is_new_run(sample) && self.last.is_some();
+        self.history.accept(sample, &self.parameters.timing);
+        self.last = Some(*sample);
+        let touched = Contact::none().update(&self.parameters.thresholds, &sample.wrench).is_any();
+        if self.mode == Mode::Idle {
+            if let Some(reason) = self.reason_to_stay_idle(sample) {
+                self.stop_reason = Some(reason);
+                return self.idle(sample);
+            }
+            self.stop_reason = None;
+            self.mode = self.mode.after(if touched { Transition::Halt } else { Transition::Ready });
+            if touched {
+                self.stop_reason = Some(StopReason::StartedInContact);
+            }
+        } else if restarted && touched && matches!(self.mode, Mode::Free | Mode::Contact | Mode::Stopping) {
+            self.halt(StopReason::StartedInContact);
+        }
+        if self.mode == Mode::Stopped {
+            return self.stopped(sample);
+        }
+        if !sample.drives_enabled {
+            return self.end_control(sample, StopReason::DrivesDisabled);
+        }
+        let kinematics = self.parameters.chain.kinematics(&sample.joint_position);
+        let bound = self.parameters.minimum_reciprocal_condition;
+        let inverse = match right_inverse(&kinematics.task_jacobian::<D>(), bound) {
+            Ok(inverse) => inverse,
+            Err(singular) => {
+                self.singular = Some(singular);
+                self.halt(StopReason::Singular);
+                return self.stopped(sample);
+            }
+        };
+        let pose = Pose { kinematics, inverse };
+        self.contact = self.contact.update(&self.parameters.thresholds, &sample.wrench);
+        if self.mode != Mode::Stopping {
+            let transition = if self.contact.is_any() { Transition::Touch } else { Transition::Release };
+            self.mode = self.mode.after(transition);
+            let wrong_rate = self.history.wrong_rate(&self.parameters.timing).map(|_| StopReason::RateMismatch);
+            if let Some(reason) = self.requested.or(wrong_rate) {
+                if self.mode == Mode::Contact {
+                    self.begin_stop(reason, sample.stamp);
+                } else if self.offset.iter().all(|o| *o == 0.0) || wrong_rate.is_some() {
+                    return self.end_control(sample, reason);
+                }
+            }
+        }
+        match self.mode {
+            Mode::Stopping => self.stop(sample, &pose, expired),
+            Mode::Contact if self.parameters.law == Law::Mpc => self.control(sample, &pose, expired),
+            _ => self.without_prediction(sample, &pose),
+        }
+    }
+
+    fn reason_to_stay_idle(&self, sample: &Sample<N, D>) -> Option<StopReason> {
+        if !self.enabled {
+            return Some(self.requested.unwrap_or(StopReason::Disabled));
+        }
+        if !sample.drives_enabled {
+            return Some(StopReason::DrivesDisabled);
+        }
+        self.history.wrong_rate(&self.parameters.timing).map(|_| StopReason::RateMismatch)
+    }
+
+    /// Contact under the MPC.
+    fn control(
+        &mut self,
+        sample: &Sample<N, D>,
+        pose: &Pose<N, D>,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Outcome<N, D> {
+        let optimized = self.optimize(sample, pose, expired);
+        let mut outcome = self.outcome(Source::Mpc);
+        outcome.iterations = optimized.iterations();
+        match optimized {
+            Optimized::Planned { verdict, .. } => {
+                self.unsolved = 0;
+                outcome.verdict = verdict;
+            }
+            Optimized::Infeasible { verdict, .. } => {
+                match self.parameters.mpc.on_infeasible {
+                    OnInfeasible::Halt => {
+                        self.halt(StopReason::Infeasible);
+                        outcome = self.stopped(sample);
+                    }
+                    OnInfeasible::MinimumForceStop => {
+                        self.begin_stop(StopReason::Infeasible, sample.stamp);
+                        outcome = self.stop(sample, pose, expired);
+                    }
+                }
+                outcome.verdict = verdict;
+                return outcome;
+            }
+            Optimized::Expired { .. } | Optimized::Failed { .. } => {
+                let has_expired = matches!(optimized, Optimized::Expired { .. });
+                outcome.expired_at = has_expired.then_some(optimized.iterations());
+                self.unsolved += 1;
+                if self.unsolved > self.parameters.timing.max_consecutive_fallbacks {
+                    let reason = if has_expired { StopReason::FallbackExhausted } else { StopReason::SolverFailed };
+                    self.begin_stop(reason, sample.stamp);
+                }
+                outcome.source = self.fall_back(sample);
+            }
+        }
+        self.finish(outcome, sample, pose)
+    }
+
+    /// On the way to standstill.
+    fn stop(&mut self, sample: &Sample<N, D>, pose: &Pose<N, D>, expired: &mut dyn FnMut() -> bool) -> Outcome<N, D> {
+        let too_long =
+            sample.stamp.saturating_sub(self.stopping_since) > nanoseconds(self.parameters.stopping.stop_timeout);
+        if too_long || self.may_rest(sample, pose) {
+            self.mode = self.mode.after(Transition::Rest);
+            return self.stopped(sample);
+        }
+        let optimized = self.optimize_stop(sample, pose, expired);
+        let mut outcome = self.outcome(Source::MinimumForce);
+        outcome.iterations = optimized.iterations();
+        if !matches!(optimized, Optimized::Planned { .. }) {
+            outcome.expired_at = matches!(optimized, Optimized::Expired { .. }).then_some(optimized.iterations());
+            outcome.source = self.fall_back(sample);
+        }
+        self.finish(outcome, sample, pose)
+    }
+
+    /// Free motion, and the damping law anywhere.
+    fn without_prediction(&mut self, sample: &Sample<N, D>, pose: &Pose<N, D>) -> Outcome<N, D> {
+        let (offset, source) = match &self.parameters.law {
+            Law::Damping { damping } if self.requested.is_none() => {
+                let admittance = &self.parameters.thresholds.admittance;
+                (damping::velocity_offset(damping, admittance, &sample.wrench), Source::Damping)
+            }
+            _ => {
+                let ramp = self.released_offset(self.parameters.timing.sampling_time);
+                (ramp, if ramp.iter().all(|o| *o == 0.0) { Source::None } else { Source::Ramp })
+            }
+        };
+        self.set_plan(sample.stamp, offset);
+        let outcome = self.outcome(source);
+        self.finish(outcome, sample, pose)
+    }
+
+    pub(crate) fn begin_stop(&mut self, reason: StopReason, stamp: u64) {
+        if self.mode == Mode::Contact {
+            self.mode = self.mode.after(Transition::Stop);
+            self.stop_reason = Some(reason);
+            self.stopping_since = stamp;
+        }
+    }
+
+    pub(crate) fn halt(&mut self, reason: StopReason) {
+        self.mode = self.mode.after(Transition::Halt);
+        self.stop_reason.get_or_insert(reason);
+    }
+
+    /// Control ends: in free motion Idle, in contact zero joint velocity.
+    fn end_control(&mut self, sample: &Sample<N, D>, reason: StopReason) -> Outcome<N, D> {
+        if self.mode == Mode::Free {
+            self.mode = self.mode.after(Transition::Disable);
+            self.stop_reason = Some(reason);
+            return self.idle(sample);
+        }
+        self.halt(reason);
+        self.stopped(sample)
+    }
+
+    fn idle(&mut self, sample: &Sample<N, D>) -> Outcome<N, D> {
+        self.contact = Contact::none();
+        let mut outcome = self.unposed(Source::None, sample.stamp, SVector::zeros());
+        outcome.twist_command = sample.twist_reference;
+        outcome
+    }
+
+    /// Held; but ṗ0 may move the arm out of the surface, slowly.
+    fn stopped(&mut self, sample: &Sample<N, D>) -> Outcome<N, D> {
+        let kinematics = self.parameters.chain.kinematics(&sample.joint_position);
+        let bound = self.parameters.minimum_reciprocal_condition;
+        let inverse = right_inverse(&kinematics.task_jacobian::<D>(), bound);
+        match (stopping::retreat_twist(&self.parameters, &sample.twist_reference), inverse) {
+            (Some(twist), Ok(inverse)) if sample.drives_enabled => {
+                self.set_plan(sample.stamp, twist - sample.twist_reference);
+                let outcome = self.outcome(Source::Retreat);
+                self.finish(outcome, sample, &Pose { kinematics, inverse })
+            }
+            _ => self.hold(sample.stamp),
+        }
+    }
+
+    pub(crate) fn hold(&mut self, stamp: u64) -> Outcome<N, D> {
+        let mut outcome = self.unposed(Source::None, stamp, SVector::zeros());
+        outcome.motion = Motion::Hold;
+        outcome
+    }
+
+    /// An outcome with an offset whose joint image is not known, since there is no pose to map it at.
+    pub(crate) fn unposed(&mut self, source: Source, stamp: u64, offset: SVector<f64, D>) -> Outcome<N, D> {
+        self.set_plan(stamp, offset);
+        self.offset = offset;
+        let mut outcome = self.outcome(source);
+        outcome.velocity_offset = offset;
+        if let Some(last) = &self.last
+            && offset.iter().any(|o| *o != 0.0)
+        {
+            outcome.twist_command = last.twist_reference + offset;
+            let kinematics = self.parameters.chain.kinematics(&last.joint_position);
+            if let Ok(inverse) = right_inverse(&kinematics.task_jacobian::<D>(), 0.0) {
+                outcome.joint_velocity_offset = inverse.joint_velocity(&offset);
+            }
+        }
+        outcome
+    }
+
+    /// A plan of one step: `offset` as long as the command is valid.
+    pub(crate) fn set_plan(&mut self, stamp: u64, offset: SVector<f64, D>) {
+        let validity = self.validity();
+        self.plan.restart(stamp);
+        self.plan.push(offset, validity as f64 * 1e-9);
+    }
+
+    fn outcome(&self, source: Source) -> Outcome<N, D> {
+        Outcome {
+            motion: Motion::Offset,
+            mode: self.mode,
+            source,
+            verdict: Verdict::None,
+            stop_reason: self.stop_reason,
+            active_axes: self.contact.mask(),
+            velocity_offset: SVector::zeros(),
+            joint_velocity_offset: SVector::zeros(),
+            twist_command: SVector::zeros(),
+            fault: None,
+            iterations: 0,
+            expired_at: None,
+            limited: false,
+        }
+    }
+
+    /// Takes the offset of this sample from the plan, within the limits.
+    fn finish(&mut self, mut outcome: Outcome<N, D>, sample: &Sample<N, D>, pose: &Pose<N, D>) -> Outcome<N, D> {
+        outcome.limited = self.plan.limit(&self.parameters.limits.offset);
+        self.counters.limited += u64::from(outcome.limited);
+        let offset = self.plan.at(sample.stamp).unwrap_or_else(SVector::zeros);
+        self.offset = offset;
+        outcome.mode = self.mode;
+        outcome.stop_reason = self.stop_reason;
+        outcome.velocity_offset = offset;
+        outcome.joint_velocity_offset = pose.inverse.joint_velocity(&offset);
+        outcome.twist_command = sample.twist_reference + offset;
+        outcome
+    }
+}

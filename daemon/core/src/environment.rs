@@ -1,0 +1,43 @@
+//! The environment: a stiff plane, (11) and (19)-(21).
+
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use crate::robot::Pose;
+
+/// A plane that pushes back along its normal, in the base frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Environment<const D: usize> {
+    /// K_e (20), D×D, in N/m.
+    pub stiffness: SMatrix<f64, D, D>,
+    /// Ψ(q_contact): the pose of the TCP at which the wrench is zero.
+    pub contact: Pose,
+    /// Outward normal of the surface (out of the material, towards the robot) as a task direction of length 1; its
+    /// rotational components are zero.
+    pub normal: SVector<f64, D>,
+}
+
+impl<const D: usize> Environment<D> {
+    /// The plane through the contact point with the given outward `normal` (any length above zero; components beyond the
+    /// task axes are ignored) and the stiffness along it in N/m.
+    ///
+    /// (20) with (19) and (21): Tᵀ diag(0, k) T = k n nᵀ, n the second row of T.
+    pub fn plane(normal_stiffness: f64, normal: &Vector3<f64>, contact: Pose) -> Self {
+        let normal = SVector::<f64, D>::from_fn(|axis, _| if axis < 3 { normal[axis] } else { 0.0 }).normalize();
+        Self { stiffness: normal * normal.transpose() * normal_stiffness, contact, normal }
+    }
+
+    /// Force in N with which a wrench presses on the surface: −nᵀf, positive in contact.
+    pub fn pressing_force(&self, wrench: &SVector<f64, D>) -> f64 {
+        -self.normal.dot(wrench)
+    }
+
+    /// Speed in m/s of a twist out of the surface: nᵀṗ, negative when approaching.
+    pub fn outward_speed(&self, twist: &SVector<f64, D>) -> f64 {
+        self.normal.dot(twist)
+    }
+}
+
+/// Outward normal of a plane that falls by `angle` rad towards +x: T_planeᵀ (0, 1)ᵀ of (20), (21). Figures 2 and 5 show that sense.
+pub fn tilted_normal(angle: f64) -> Vector3<f64> {
+    Vector3::new(libm::sin(angle), libm::cos(angle), 0.0)
+}

@@ -1,0 +1,94 @@
+//! The minimum-force stop: minimise the largest violation of the upper force bound, then come to rest at a low force.
+//!
+//! Its inputs are the absolute twist, not the offset, so that pushing on with ṗ0 is not free; there is no lower bound,
+//! and every admittance axis has an input.
+
+use nalgebra::SVector;
+
+use crate::constraints::{AxisBound, ForceBounds};
+use crate::cost::{SetPoint, Weights};
+use crate::model::{Model, State};
+use crate::parameters::Parameters;
+
+/// Cost in s²/m² · (m/s)² per N of violation: far above the sum of multipliers, which the cost of a twist of 1 m/s bounds.
+pub(crate) const PENALTY: f64 = 1e3;
+/// R of the stop, relative to its velocity weight: only enough to make the QP strictly convex.
+const INPUT_WEIGHT: f64 = 1e-2;
+/// Normal speed in m/s that still counts as zero.
+const STANDSTILL: f64 = 1e-3;
+/// Normal components below this carry no force worth a bound.
+const LEAST_NORMAL_COMPONENT: f64 = 0.1;
+
+/// Bounds of a stop: f_max only, the sign of each axis from the surface normal.
+pub(crate) fn bounds<const N: usize, const D: usize>(parameters: &Parameters<N, D>) -> ForceBounds<D> {
+    let mut bounds = ForceBounds::none();
+    for axis in 0..D {
+        let normal = parameters.environment.normal[axis];
+        if normal.abs() >= LEAST_NORMAL_COMPONENT && parameters.thresholds.admittance[axis] {
+            bounds.push(AxisBound {
+                axis,
+                // The robot presses against the outward normal.
+                sign: -normal.signum(),
+                minimum: f64::NEG_INFINITY,
+                maximum: parameters.mpc.force_limit[axis],
+            });
+        }
+    }
+    bounds
+}
+
+/// Q and R of a stop: velocity against force so that the force fades within the horizon, v = f / (k · horizon).
+pub(crate) fn weights<const N: usize, const D: usize>(
+    parameters: &Parameters<N, D>,
+) -> (Weights<N, D>, SVector<f64, D>) {
+    let stiffness = parameters.environment.stiffness.norm();
+    let duration: f64 = parameters.mpc.steps().iter().sum();
+    let wrench = 1.0 / (stiffness * duration * stiffness * duration);
+    let weights = Weights::Task {
+        position: SVector::zeros(),
+        velocity: SVector::repeat(1.0),
+        wrench: SVector::repeat(if wrench.is_finite() { wrench } else { 0.0 }),
+    };
+    (weights, SVector::repeat(INPUT_WEIGHT))
+}
+
+/// Standstill without force.
+pub(crate) fn set_point<const N: usize, const D: usize>(initial: &State<N, D>) -> SetPoint<N, D> {
+    SetPoint { joint_position: initial.joint_position, joint_velocity: SVector::zeros(), wrench: SVector::zeros() }
+}
+
+/// Whether the arm may be held: it moves outward or not at all, presses with at most `stop_force`, and would not exceed
+/// that while it coasts to standstill. (Held at zero normal velocity alone, unequal joint lags would drive it back in.)
+pub(crate) fn may_rest<const N: usize, const D: usize>(
+    parameters: &Parameters<N, D>,
+    model: &Model<N, D>,
+    state: &State<N, D>,
+    outward_speed: f64,
+) -> bool {
+    let environment = &parameters.environment;
+    let limit = parameters.stopping.stop_force;
+    let measured = environment.pressing_force(&state.wrench);
+    let coasting = model.peak_while_coasting(state, &-environment.normal);
+    outward_speed >= -STANDSTILL && measured <= limit && coasting <= limit
+}
+
+/// The twist of a stopped arm: ṗ0 if it points out of the surface, slowed to `retreat_speed`; `None` where it does not.
+/// Rotation is never allowed.
+pub(crate) fn retreat_twist<const N: usize, const D: usize>(
+    parameters: &Parameters<N, D>,
+    twist_reference: &SVector<f64, D>,
+) -> Option<SVector<f64, D>> {
+    let translation = SVector::<f64, D>::from_fn(|axis, _| if axis < 3 { twist_reference[axis] } else { 0.0 });
+    let speed = translation.norm();
+    let outward = parameters.environment.outward_speed(&translation);
+    (outward > STANDSTILL.min(parameters.stopping.retreat_speed) && speed > 0.0)
+        .then(|| translation * (parameters.stopping.retreat_speed / speed).min(1.0))
+}
+
+/// Whether ṗ0 pushes into the surface.
+pub(crate) fn is_inward<const N: usize, const D: usize>(
+    parameters: &Parameters<N, D>,
+    twist_reference: &SVector<f64, D>,
+) -> bool {
+    parameters.environment.outward_speed(twist_reference) < -STANDSTILL
+}

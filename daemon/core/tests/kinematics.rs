@@ -1,0 +1,251 @@
+//! Kinematics against golden/kinematics.json, which an independent script computes with 80 digits.
+
+use admittance_core::robot::{Chain, Joint, Pose, right_inverse, rotation_from_rpy};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use serde::Deserialize;
+use std::f64::consts::PI;
+
+/// Largest difference that rounding explains: metres, radians or entries of a rotation, for arms of a metre or two.
+const ROUNDING: f64 = 1e-12;
+
+#[derive(Deserialize)]
+struct Golden {
+    arms: Vec<Arm>,
+    differences: Vec<Difference>,
+}
+
+#[derive(Deserialize)]
+struct Arm {
+    name: String,
+    task_axes: usize,
+    joints: Vec<JointData>,
+    tool: FrameData,
+    poses: Vec<PoseData>,
+    singular: Vec<SingularData>,
+}
+
+#[derive(Deserialize)]
+struct JointData {
+    origin: [f64; 3],
+    rpy: [f64; 3],
+    axis: [f64; 3],
+}
+
+#[derive(Deserialize)]
+struct FrameData {
+    origin: [f64; 3],
+    rpy: [f64; 3],
+}
+
+#[derive(Deserialize)]
+struct PoseData {
+    q: Vec<f64>,
+    position: [f64; 3],
+    rotation: [[f64; 3]; 3],
+    jacobian: Vec<Vec<f64>>,
+}
+
+#[derive(Deserialize)]
+struct SingularData {
+    why: String,
+    q: Vec<f64>,
+}
+
+#[derive(Deserialize)]
+struct Difference {
+    angle: f64,
+    reference: [[f64; 3]; 3],
+    turned: [[f64; 3]; 3],
+    rotation_vector: [f64; 3],
+}
+
+fn golden() -> Golden {
+    serde_json::from_str(include_str!("golden/kinematics.json")).expect("the golden file is what its script wrote")
+}
+
+fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
+    Matrix3::from_fn(|row, column| rows[row][column])
+}
+
+fn arm(golden: &Golden, joints: usize) -> &Arm {
+    golden.arms.iter().find(|arm| arm.joints.len() == joints).expect("one arm for each number of joints")
+}
+
+fn chain<const N: usize>(arm: &Arm) -> Chain<N> {
+    let joints = std::array::from_fn(|index| {
+        let joint: &JointData = &arm.joints[index];
+        Joint { origin: joint.origin.into(), rotation: rotation_from_rpy(joint.rpy), axis: joint.axis.into() }
+    });
+    let tool = Pose { position: arm.tool.origin.into(), rotation: rotation_from_rpy(arm.tool.rpy) };
+    Chain::new(joints, tool).expect("the golden arm is a chain")
+}
+
+fn check_poses<const N: usize>() {
+    let golden = golden();
+    let arm = arm(&golden, N);
+    let chain = chain::<N>(arm);
+    assert!(arm.poses.len() >= 6);
+    for pose in &arm.poses {
+        let kinematics = chain.kinematics(&SVector::from_column_slice(&pose.q));
+        let position = (kinematics.pose.position - Vector3::from(pose.position)).amax();
+        let rotation = (kinematics.pose.rotation - matrix(&pose.rotation)).amax();
+        let expected = SMatrix::<f64, 6, N>::from_fn(|row, joint| pose.jacobian[row][joint]);
+        let jacobian = (kinematics.jacobian - expected).amax();
+        for (what, error) in [("position", position), ("rotation", rotation), ("Jacobian", jacobian)] {
+            assert!(error <= ROUNDING, "{}: {what} off by {error:e} at q = {:?}", arm.name, pose.q);
+        }
+    }
+}
+
+fn check_inverse<const N: usize, const D: usize>() {
+    let golden = golden();
+    let arm = arm(&golden, N);
+    assert_eq!(arm.task_axes, D);
+    let chain = chain::<N>(arm);
+    for pose in &arm.poses {
+        let jacobian = chain.kinematics(&SVector::from_column_slice(&pose.q)).task_jacobian::<D>();
+        let inverse = right_inverse(&jacobian, 1e-4)
+            .unwrap_or_else(|singular| panic!("{}: {singular:?} at q = {:?}", arm.name, pose.q));
+        let error = (jacobian * inverse.matrix - SMatrix::<f64, D, D>::identity()).amax();
+        assert!(error <= 1e-10, "{}: J J⁻¹ is off from I by {error:e} at q = {:?}", arm.name, pose.q);
+        assert!(inverse.reciprocal_condition <= 1.0 / D as f64 + ROUNDING);
+        // Least norm: J⁻¹J projects onto the rows of J, so it is symmetric.
+        let projector = inverse.matrix * jacobian;
+        let asymmetry = (projector - projector.transpose()).amax();
+        assert!(asymmetry <= 1e-10, "{}: J⁻¹J is not symmetric by {asymmetry:e} at q = {:?}", arm.name, pose.q);
+    }
+}
+
+/// At a singular pose, and at a distance from it where the reciprocal condition number is below the bound by far.
+fn check_singular<const N: usize, const D: usize>() {
+    let golden = golden();
+    let arm = arm(&golden, N);
+    let chain = chain::<N>(arm);
+    assert!(!arm.singular.is_empty());
+    for case in &arm.singular {
+        for offset in [0.0, 1e-12, -1e-9, 1e-6] {
+            let q = SVector::from_fn(|joint, _| case.q[joint] + offset);
+            let jacobian = chain.kinematics(&q).task_jacobian::<D>();
+            match right_inverse(&jacobian, 1e-4) {
+                Err(singular) => assert!(
+                    (0.0..1e-4).contains(&singular.reciprocal_condition),
+                    "{}, {}: {singular:?} with joints {offset:e} rad off",
+                    arm.name,
+                    case.why
+                ),
+                Ok(inverse) => panic!(
+                    "{}, {}: inverted with reciprocal condition number {:e}, joints {offset:e} rad off",
+                    arm.name, case.why, inverse.reciprocal_condition
+                ),
+            }
+        }
+    }
+}
+
+#[test]
+fn poses_and_jacobians_of_two_joints_are_golden() {
+    check_poses::<2>();
+}
+
+#[test]
+fn poses_and_jacobians_of_six_joints_are_golden() {
+    check_poses::<6>();
+}
+
+#[test]
+fn poses_and_jacobians_of_seven_joints_are_golden() {
+    check_poses::<7>();
+}
+
+#[test]
+fn right_inverse_inverts_and_has_least_norm() {
+    check_inverse::<2, 2>();
+    check_inverse::<6, 6>();
+    check_inverse::<7, 6>();
+}
+
+#[test]
+fn singular_poses_are_reported() {
+    check_singular::<2, 2>();
+    check_singular::<6, 6>();
+    check_singular::<7, 6>();
+}
+
+#[test]
+fn a_jacobian_that_is_not_finite_is_singular() {
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let mut jacobian = SMatrix::<f64, 2, 2>::identity();
+        jacobian[(0, 1)] = bad;
+        assert!(right_inverse(&jacobian, 0.0).is_err(), "{bad} in the Jacobian passed");
+    }
+}
+
+#[test]
+fn pose_difference_is_golden_from_the_smallest_turn_to_beyond_half_a_turn() {
+    let golden = golden();
+    for case in &golden.differences {
+        let turned = Pose { position: Vector3::new(0.4, -1.5, 0.25), rotation: matrix(&case.turned) };
+        let reference = Pose { position: Vector3::new(0.5, -1.0, 1.25), rotation: matrix(&case.reference) };
+        let difference = turned.difference::<6>(&reference);
+        assert_eq!(difference.fixed_rows::<3>(0), turned.position - reference.position);
+        let error = (difference.fixed_rows::<3>(3) - Vector3::from(case.rotation_vector)).amax();
+        assert!(error <= 1e-14, "a turn of {:e} rad is off by {error:e}: {difference:?}", case.angle);
+        assert_eq!(turned.difference::<2>(&reference), difference.fixed_rows::<2>(0));
+    }
+}
+
+/// With rotations whose entries carry no rounding of 1, a small turn keeps its digits: no acos, no 1 − cos.
+#[test]
+fn small_turns_keep_their_relative_accuracy() {
+    let golden = golden();
+    let identity = Matrix3::identity();
+    let small = golden.differences.iter().filter(|case| matrix(&case.reference) == identity && case.angle < 1e-2);
+    let mut seen = 0;
+    for case in small {
+        let turned = Pose { position: Vector3::zeros(), rotation: matrix(&case.turned) };
+        let difference = turned.difference::<6>(&Pose { position: Vector3::zeros(), rotation: identity });
+        let error = (difference.fixed_rows::<3>(3) - Vector3::from(case.rotation_vector)).norm();
+        assert!(error <= 1e-12 * case.angle, "a turn of {:e} rad is off by {error:e}", case.angle);
+        seen += 1;
+    }
+    assert!(seen >= 12, "{seen} small turns");
+}
+
+#[test]
+fn opposite_turns_of_nearly_half_a_turn_differ_in_sign_only() {
+    let golden = golden();
+    let sizes = golden.differences.iter().map(|case| Vector3::from(case.rotation_vector).norm());
+    assert!(sizes.clone().all(|size| size <= PI), "the shorter way round is never more than half a turn");
+    assert!(sizes.filter(|size| PI - size < 1e-8).count() >= 12);
+    for case in golden.differences.iter().filter(|case| (case.angle - PI).abs() < 0.1) {
+        let turned = Pose { position: Vector3::zeros(), rotation: matrix(&case.turned) };
+        let reference = Pose { position: Vector3::zeros(), rotation: matrix(&case.reference) };
+        let sum = turned.difference::<6>(&reference) + reference.difference::<6>(&turned);
+        // Seen from either side the axis is the same: both rotations are about it.
+        assert!(sum.amax() <= 1e-14, "there and back is {:e} off at {} rad", sum.amax(), case.angle);
+    }
+}
+
+#[test]
+fn what_is_no_chain_is_refused() {
+    let joint = Joint { origin: Vector3::zeros(), rotation: Matrix3::identity(), axis: Vector3::z() };
+    let tool = Pose { position: Vector3::x(), rotation: Matrix3::identity() };
+    assert!(Chain::new([joint; 2], tool).is_ok());
+    let bad_axes = [Vector3::zeros(), Vector3::new(f64::NAN, 0.0, 1.0), Vector3::new(f64::INFINITY, 0.0, 0.0)];
+    for axis in bad_axes {
+        let error = Chain::new([joint, Joint { axis, ..joint }], tool).expect_err("an axis without a direction");
+        assert!(error.to_string().starts_with("joint 1: the axis"), "{error}");
+    }
+    let bad_frames = [
+        Joint { origin: Vector3::new(0.0, f64::NAN, 0.0), ..joint },
+        Joint { rotation: Matrix3::zeros(), ..joint },
+        Joint { rotation: -Matrix3::identity(), ..joint },
+        Joint { rotation: Matrix3::identity() * 1.1, ..joint },
+    ];
+    for bad in bad_frames {
+        let error = Chain::new([bad, joint], tool).expect_err("a frame that is none");
+        assert!(error.to_string().starts_with("joint 0: origin and rotation"), "{error}");
+    }
+    let error = Chain::new([joint], Pose { rotation: Matrix3::from_element(f64::NAN), ..tool }).expect_err("no tool");
+    assert!(error.to_string().starts_with("tool:"), "{error}");
+}

@@ -1,0 +1,161 @@
+//! One cycle on wire samples: a state sample in, a command out. No I/O and no clock, so that tests and studies drive the
+//! same code in virtual time that the real-time thread drives in real time.
+
+use std::any::Any;
+
+use admittance_core::condensation::Capacity;
+use admittance_core::controller::{Controller, Event};
+use admittance_core::mode::{Mode, StopReason};
+use admittance_core::outcome::Outcome;
+use admittance_core::parameters::Parameters;
+use admittance_core::plan::nanoseconds;
+use admittance_core::sample::SampleFault;
+use admittance_core::{ResetRefused, robot::Singular};
+use ipc_types::{CommandSample, StateSample};
+
+use crate::clarabel_solver::{ClarabelSettings, ClarabelSolver};
+use crate::config::Config;
+use crate::{parameters, wire};
+
+/// What a cycle tells besides its command, for log and record.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CycleReport {
+    /// Why the sample did not reach the law.
+    pub fault: Option<SampleFault>,
+    /// Iterations of the solver.
+    pub iterations: u32,
+    /// The iteration at which time was up.
+    pub expired_at: Option<u32>,
+    /// Whether a limit had to cut the offset after the law.
+    pub limited: bool,
+    /// Mean spacing of the samples in s while it is off the sampling time.
+    pub wrong_rate: Option<f64>,
+    /// Singular pose, if that is why the arm is stopped.
+    pub singular: Option<Singular>,
+}
+
+/// A controller for some arm, on wire samples.
+pub trait Cycle {
+    /// Answers `state` at the time `now` (ns of CLOCK_MONOTONIC). `expired` is asked between solver iterations. Writes all
+    /// of `command` but its sequence, boot id, stamp, compute time and late count.
+    fn answer(
+        &mut self,
+        state: &StateSample,
+        now: u64,
+        expired: &mut dyn FnMut() -> bool,
+        command: &mut CommandSample,
+    ) -> CycleReport;
+
+    /// What follows from there being no sample for too long.
+    fn silence(&mut self, now: u64, command: &mut CommandSample) -> CycleReport;
+
+    /// Ends control; see [`Controller::request_stop`].
+    fn request_stop(&mut self, reason: StopReason);
+
+    /// Leaves Stopped; see [`Controller::reset`].
+    ///
+    /// # Errors
+    /// [`ResetRefused`].
+    fn reset(&mut self, force: bool) -> Result<(), ResetRefused>;
+
+    /// The mode.
+    fn mode(&self) -> Mode;
+
+    /// Goes on where `old` is, with this controller's parameters. False when `old` is for another arm.
+    fn take_over(&mut self, old: &dyn Cycle) -> bool;
+
+    /// For [`Self::take_over`].
+    fn as_any(&self) -> &dyn Any;
+}
+
+struct ArmCycle<const N: usize, const D: usize> {
+    controller: Controller<N, D, ClarabelSolver, Box<[f64]>>,
+    command_delay: u64,
+    parameters: Parameters<N, D>,
+}
+
+/// The controller that a (checked) configuration describes: the one match over the arms.
+///
+/// # Errors
+/// A sentence that says what the core does not accept.
+pub fn build(config: &Config) -> Result<Box<dyn Cycle + Send>, String> {
+    match (config.robot.joint.len(), config.robot.task_axes) {
+        (2, 2) => build_arm::<2, 2>(config),
+        (6, 6) => build_arm::<6, 6>(config),
+        (7, 6) => build_arm::<7, 6>(config),
+        (joints, axes) => Err(format!(
+            "robot: {joints} joints with {axes} task axes: accepted are 2 joints with 2 axes, 6 or 7 joints with 6"
+        )),
+    }
+}
+
+fn build_arm<const N: usize, const D: usize>(config: &Config) -> Result<Box<dyn Cycle + Send>, String> {
+    let parameters = parameters::parameters::<N, D>(config)
+        .ok_or("the configuration's lists do not fit the arm: run admittancectl validate on it")?;
+    let settings =
+        ClarabelSettings { tolerance: config.mpc.solver_tolerance, max_iterations: config.mpc.max_iterations };
+    let inputs = parameters.thresholds.admittance.iter().filter(|admittance| **admittance).count();
+    let solver = ClarabelSolver::new(inputs, parameters.mpc.horizon, settings);
+    let storage = vec![0.0; Capacity::new::<N, D>(parameters.mpc.horizon).storage_len()].into_boxed_slice();
+    let controller = Controller::new(parameters, solver, storage).map_err(|error| error.to_string())?;
+    let command_delay = nanoseconds(parameters.timing.command_delay);
+    Ok(Box::new(ArmCycle { controller, command_delay, parameters }))
+}
+
+impl<const N: usize, const D: usize> ArmCycle<N, D> {
+    fn write(&self, outcome: &Outcome<N, D>, stamp: u64, command: &mut CommandSample) -> CycleReport {
+        wire::write_outcome(command, outcome, &self.controller);
+        command.valid_until_ns = stamp.saturating_add(self.command_delay).saturating_add(self.controller.validity());
+        CycleReport {
+            fault: outcome.fault,
+            iterations: outcome.iterations,
+            expired_at: outcome.expired_at,
+            limited: outcome.limited,
+            wrong_rate: self.controller.history().wrong_rate(&self.parameters.timing),
+            singular: self.controller.singular(),
+        }
+    }
+}
+
+impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
+    fn answer(
+        &mut self,
+        state: &StateSample,
+        now: u64,
+        expired: &mut dyn FnMut() -> bool,
+        command: &mut CommandSample,
+    ) -> CycleReport {
+        let outcome = self.controller.step(Event::Sample(&wire::sample(state)), now, expired);
+        command.state_sequence = state.sequence;
+        command.state_stamp_ns = state.stamp_ns;
+        // A stamp that is not to be trusted must not make a command valid for ever.
+        self.write(&outcome, state.stamp_ns.min(now), command)
+    }
+
+    fn silence(&mut self, now: u64, command: &mut CommandSample) -> CycleReport {
+        let outcome = self.controller.step(Event::Silence, now, &mut || false);
+        self.write(&outcome, now, command)
+    }
+
+    fn request_stop(&mut self, reason: StopReason) {
+        self.controller.request_stop(reason);
+    }
+
+    fn reset(&mut self, force: bool) -> Result<(), ResetRefused> {
+        self.controller.reset(force)
+    }
+
+    fn mode(&self) -> Mode {
+        self.controller.mode()
+    }
+
+    fn take_over(&mut self, old: &dyn Cycle) -> bool {
+        let Some(old) = old.as_any().downcast_ref::<Self>() else { return false };
+        self.controller.continue_from(&old.controller);
+        true
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+}

@@ -1,0 +1,113 @@
+//! From the configuration to the core's parameters.
+
+use admittance_core::contact::Thresholds;
+use admittance_core::cost::Weights;
+use admittance_core::environment::Environment;
+use admittance_core::model::Discretization;
+use admittance_core::parameters::{InputSelection, Law, Mpc, OffsetLimits, OnInfeasible, Parameters, Stopping, Timing};
+use admittance_core::plan::MAX_STEPS;
+use admittance_core::robot::{Pose, rotation_from_rpy};
+use nalgebra::{SVector, Vector3};
+
+use crate::config::{Config, DiscretizationName, InputsName, LawName, OnInfeasibleName, WeightSpace};
+
+/// Largest relative KKT residual of a usable solution, as a multiple of the solver's own tolerance.
+const RESIDUAL_FACTOR: f64 = 1e3;
+/// Largest violation of a force bound in a usable solution, in N.
+const FORCE_TOLERANCE_N: f64 = 0.05;
+
+/// The parameters for N joints and D axes; `None` when the configuration is for other numbers.
+///
+/// The configuration has passed its checks: lengths and ranges are as declared.
+pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Parameters<N, D>> {
+    let chain = config.robot.chain::<N>()?;
+    let vector = |values: &[f64]| (values.len() == D).then(|| SVector::<f64, D>::from_column_slice(values));
+    let joints = |values: &[f64]| (values.len() == N).then(|| SVector::<f64, N>::from_column_slice(values));
+    let (contact, mpc) = (&config.contact, &config.mpc);
+
+    let mut steps = [0.0; MAX_STEPS];
+    let horizon = match &mpc.step_lengths_s {
+        Some(lengths) => {
+            steps.iter_mut().zip(lengths).for_each(|(step, length)| *step = *length);
+            lengths.len()
+        }
+        None => {
+            steps = [config.control.sampling_time_s; MAX_STEPS];
+            mpc.horizon? as usize
+        }
+    };
+    let wrench = vector(&mpc.wrench_weight)?;
+    let weights = match mpc.weights {
+        WeightSpace::Joint => {
+            Weights::Joint { position: joints(&mpc.position_weight)?, velocity: joints(&mpc.velocity_weight)?, wrench }
+        }
+        WeightSpace::Task => {
+            Weights::Task { position: vector(&mpc.position_weight)?, velocity: vector(&mpc.velocity_weight)?, wrench }
+        }
+    };
+    let law = match (config.control.law, &config.damping) {
+        (LawName::Mpc, _) => Law::Mpc,
+        (LawName::Damping, damping) => Law::Damping { damping: vector(&damping.as_ref()?.damping_n_s_m)? },
+    };
+    let environment = &config.environment;
+    let force_limit = vector(&contact.force_limit)?;
+    let smallest = force_limit.iter().take(3).copied().fold(f64::INFINITY, f64::min);
+    Some(Parameters {
+        chain,
+        minimum_reciprocal_condition: config.control.minimum_reciprocal_condition,
+        velocity_time_constant: joints(&config.robot.velocity_time_constant_s)?,
+        wrench_time_constant: vector(&contact.wrench_time_constant_s)?,
+        environment: Environment::plane(
+            environment.normal_stiffness_n_m,
+            &Vector3::from(environment.surface_normal),
+            Pose {
+                position: environment.contact_point_m.into(),
+                rotation: rotation_from_rpy(environment.contact_rpy_rad),
+            },
+        ),
+        thresholds: Thresholds {
+            admittance: contact.admittance_axes.as_slice().try_into().ok()?,
+            activation: vector(&contact.activation_threshold)?,
+            release: vector(&contact.release_threshold)?,
+        },
+        law,
+        mpc: Mpc {
+            discretization: match mpc.discretization {
+                DiscretizationName::Euler => Discretization::Euler,
+            },
+            steps,
+            horizon,
+            inputs: match mpc.inputs {
+                InputsName::Active => InputSelection::Active,
+                InputsName::All => InputSelection::All,
+            },
+            weights,
+            input_weight: vector(&mpc.input_weight)?,
+            force_limit,
+            minimum_force: vector(&contact.minimum_force)?,
+            on_infeasible: match mpc.on_infeasible {
+                OnInfeasibleName::Halt => OnInfeasible::Halt,
+                OnInfeasibleName::MinimumForce => OnInfeasible::MinimumForceStop,
+            },
+            solution_tolerance: mpc.solver_tolerance * RESIDUAL_FACTOR,
+            force_tolerance: FORCE_TOLERANCE_N,
+        },
+        limits: OffsetLimits {
+            offset: vector(&config.limits.velocity_offset)?,
+            release_rate: config.limits.release_rate_m_s2,
+        },
+        timing: Timing {
+            sampling_time: config.control.sampling_time_s,
+            command_delay: config.control.command_delay_s,
+            max_sample_age: config.control.max_sample_age_s,
+            max_consecutive_fallbacks: config.control.max_consecutive_fallbacks,
+        },
+        stopping: Stopping {
+            retreat_speed: config.stopping.retreat_speed_m_s,
+            retreat_time: config.stopping.retreat_time_s,
+            stop_force: config.stopping.stop_force_n.unwrap_or(smallest / 2.0),
+            stop_timeout: config.stopping.stop_timeout_s,
+        },
+        start_enabled: config.control.start_enabled,
+    })
+}

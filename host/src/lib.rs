@@ -1,0 +1,11 @@
+//! What both real-time programs need of the machine: clock, scheduling, processor check, logging, strict configuration and
+//! exit codes.
+
+pub mod clock;
+pub mod config;
+pub mod cpu;
+pub mod exit;
+pub mod ipc_section;
+pub mod logging;
+pub mod realtime;
+pub mod robot_description;

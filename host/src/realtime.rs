@@ -1,0 +1,142 @@
+//! Scheduling of a real-time process: memory lock, SCHED_FIFO, affinity, timer slack. Each step is reported; one that the
+//! system refuses says what to change.
+
+use std::io;
+
+use crate::config_section;
+
+config_section! {
+    /// How a real-time thread runs. What the system refuses is a warning, unless require_realtime is set.
+    pub struct RealtimeSection {
+        /// Lock all memory, so that no page fault delays a cycle.
+        lock_memory: bool = false;
+        /// SCHED_FIFO priority; 0 leaves the scheduling as it is.
+        priority: u32 = 0, unit "1", range 0..=98;
+        /// Processor to run on; any when absent.
+        cpu: Option<u32>, unit "1", range 0..=1023;
+        /// Whether a refused step is an error.
+        require_realtime: bool = false;
+    }
+}
+
+/// What became of one step.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum StepOutcome {
+    /// Done.
+    Done,
+    /// Not asked for.
+    NotRequested,
+    /// The system refused: why, and what to change.
+    Refused(String),
+}
+
+/// One step of the set-up.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StepReport {
+    /// What was to be done.
+    pub step: String,
+    /// What became of it.
+    pub outcome: StepOutcome,
+}
+
+/// Stack that is touched beforehand, in bytes.
+const PREFAULTED_STACK: usize = 256 * 1024;
+
+/// Locks the process's memory, present and future, if asked to. Call it when shared memory is mapped.
+pub fn lock_memory(section: &RealtimeSection) -> StepReport {
+    let step = "lock memory".to_owned();
+    if !section.lock_memory {
+        return StepReport { step, outcome: StepOutcome::NotRequested };
+    }
+    let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+    // SAFETY: `limit` is valid for writing.
+    unsafe { libc::getrlimit(libc::RLIMIT_MEMLOCK, &raw mut limit) };
+    // SAFETY: mlockall takes flags only.
+    let outcome = checked(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) }).map_err(|error| {
+        let kib = limit.rlim_cur / 1024;
+        format!("{error}; RLIMIT_MEMLOCK is {kib} KiB: raise LimitMEMLOCK or give CAP_IPC_LOCK")
+    });
+    StepReport { step, outcome: outcome.map_or_else(StepOutcome::Refused, |()| StepOutcome::Done) }
+}
+
+/// Makes the calling thread real-time as the section asks: stack, timer slack, affinity, SCHED_FIFO.
+pub fn apply_to_thread(section: &RealtimeSection) -> Vec<StepReport> {
+    let mut reports = Vec::new();
+    let mut report = |step: String, requested: bool, outcome: &dyn Fn() -> Result<(), String>| {
+        let outcome = match requested.then(outcome) {
+            None => StepOutcome::NotRequested,
+            Some(Ok(())) => StepOutcome::Done,
+            Some(Err(why)) => StepOutcome::Refused(why),
+        };
+        reports.push(StepReport { step, outcome });
+    };
+    prefault_stack();
+    let real_time = section.priority > 0;
+    report("timer slack 1 ns".to_owned(), real_time, &|| {
+        // SAFETY: PR_SET_TIMERSLACK takes a number.
+        checked(unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1_u64) }).map_err(|error| error.to_string())
+    });
+    let cpu = section.cpu.unwrap_or(0) as usize;
+    report(format!("run on processor {cpu}"), section.cpu.is_some(), &|| {
+        // SAFETY: an all-zero cpu_set_t is the empty set; CPU_SET stays in bounds, since the section's range ends at 1023.
+        let set = unsafe {
+            let mut set: libc::cpu_set_t = std::mem::zeroed();
+            libc::CPU_SET(cpu, &mut set);
+            set
+        };
+        // SAFETY: `set` is valid for reading over the size given; 0 is the calling thread.
+        checked(unsafe { libc::sched_setaffinity(0, size_of_val(&set), &raw const set) })
+            .map_err(|error| format!("{error}; realtime.cpu must be a processor that this process may use"))
+    });
+    let priority = section.priority;
+    report(format!("SCHED_FIFO priority {priority}"), real_time, &|| {
+        let parameters = libc::sched_param { sched_priority: priority as libc::c_int };
+        // SAFETY: `parameters` is valid for reading; 0 is the calling thread.
+        checked(unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) })
+            .map_err(|error| format!("{error}; give CAP_SYS_NICE or raise LimitRTPRIO to {priority}"))
+    });
+    reports
+}
+
+/// Has the kernel kill this process when its parent thread ends: for processes that a demo or a test starts.
+pub fn die_with_parent() -> io::Result<()> {
+    // SAFETY: PR_SET_PDEATHSIG takes a signal number.
+    checked(unsafe { libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL) })
+}
+
+fn checked(result: libc::c_int) -> io::Result<()> {
+    if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+#[inline(never)]
+fn prefault_stack() {
+    let mut stack = [0_u8; PREFAULTED_STACK];
+    for page in stack.chunks_mut(4096) {
+        page[0] = std::hint::black_box(1);
+    }
+    std::hint::black_box(&stack);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn section() -> RealtimeSection {
+        RealtimeSection { lock_memory: false, priority: 0, cpu: None, require_realtime: false }
+    }
+
+    #[test]
+    fn nothing_asked_nothing_done() {
+        assert_eq!(lock_memory(&section()).outcome, StepOutcome::NotRequested);
+        assert!(apply_to_thread(&section()).iter().all(|report| report.outcome == StepOutcome::NotRequested));
+    }
+
+    #[test]
+    fn a_refused_step_says_what_to_change() {
+        let reports = std::thread::spawn(|| apply_to_thread(&RealtimeSection { cpu: Some(1023), ..section() }))
+            .join()
+            .expect("the thread ends");
+        let refused = reports.iter().find(|report| report.step.contains("1023")).expect("a report on the processor");
+        assert!(matches!(&refused.outcome, StepOutcome::Refused(why) if why.contains("realtime.cpu")), "{refused:?}");
+    }
+}

@@ -1,0 +1,106 @@
+//! The wire enums.
+
+use crate::layout::{EnumInfo, WireEnum};
+
+wire_enum! {
+    /// What the motion controller does with a command.
+    enum Motion {
+        Offset = 0 "Move with the twist reference plus the velocity offset.";
+        Hold = 1 "Zero joint velocity, whatever the twist reference is.";
+    }
+}
+
+wire_enum! {
+    /// The mode of the daemon.
+    enum Mode {
+        Idle = 0 "Disabled or waiting for the first valid state sample; the offset is zero.";
+        Free = 1 "No axis is in contact; the offset is zero or ramps to zero.";
+        Contact = 2 "At least one axis is in contact and controlled.";
+        Stopping = 3 "A minimum-force stop or a ramp to zero is under way.";
+        Stopped = 4 "Latched until a reset; motion into the surface is refused.";
+    }
+}
+
+wire_enum! {
+    /// What the velocity offset of a command comes from.
+    enum Source {
+        None = 0 "No law acted: the offset is zero.";
+        Mpc = 1 "The model predictive controller's solution of this cycle.";
+        Damping = 2 "The damping law, equation (3).";
+        Plan = 3 "Fallback: the last good plan, played by elapsed time.";
+        Retreat = 4 "Fallback: open-loop retreat from the last good state.";
+        Ramp = 5 "Ramp of a released axis or of a shutdown toward zero.";
+        MinimumForce = 6 "The minimum-force stop: least violation of the upper force limit.";
+    }
+}
+
+wire_enum! {
+    /// Whether the force limits can be met over the horizon.
+    enum Verdict {
+        None = 0 "No verdict: no axis is in contact, or the law gives none.";
+        Feasible = 1 "The limits can be met; the margin is the newtons left.";
+        Infeasible = 2 "The limits cannot be met; axis, side, time and missing newtons are given.";
+    }
+}
+
+wire_enum! {
+    /// Which force limit a verdict speaks of.
+    enum Side {
+        None = 0 "No limit.";
+        Upper = 1 "The upper limit: the force limit f_max.";
+        Lower = 2 "The lower limit: contact would be lost.";
+    }
+}
+
+wire_enum! {
+    /// Why the daemon stops or has stopped.
+    enum StopReason {
+        None = 0 "Not stopping.";
+        Infeasible = 1 "The force limits could no longer be met.";
+        StartedInContact = 2 "The first valid sample was already in contact.";
+        SampleStale = 3 "State samples were older than the accepted age, or stopped.";
+        SampleInvalid = 4 "State samples were not finite, out of range, out of order or from the future.";
+        JointCount = 5 "The state sample's joint count is not the configured robot's.";
+        Singular = 6 "The Jacobian is not invertible at the measured pose.";
+        RateMismatch = 7 "State samples do not arrive at the configured sampling time.";
+        FallbackExhausted = 8 "The plan and the retreat of the fallback were used up.";
+        SolverFailed = 9 "The solver gave no usable solution and no fallback was left.";
+        DrivesDisabled = 10 "The motion controller reported its drives as disabled.";
+        Shutdown = 11 "The daemon is ending.";
+        Disabled = 12 "Disabled by request.";
+        InternalError = 13 "The daemon's real-time thread failed.";
+        ContactLost = 14 "The minimum force, once reached, was not held.";
+        MeasuredForce = 15 "The measured force passed the force limit by more than the guard allows.";
+        ModelDisagrees = 16 "The measured force differs from the predicted one, or contradicts the surface's sign.";
+    }
+}
+
+wire_enum! {
+    /// What a request asks of the daemon.
+    enum RequestKind {
+        Status = 1 "Report the daemon's state; changes nothing.";
+        Reset = 2 "Release a latched stop.";
+    }
+}
+
+wire_enum! {
+    /// How a request ended.
+    enum ResponseStatus {
+        Done = 0 "The request was carried out.";
+        Refused = 1 "The request was refused; the text says why.";
+        Expired = 2 "The request arrived after its deadline; nothing was done.";
+        Unknown = 3 "The request kind is not known to this daemon; nothing was done.";
+    }
+}
+
+/// Every wire enum of the contract.
+pub const ENUMS: &[EnumInfo] = &[
+    Motion::INFO,
+    Mode::INFO,
+    Source::INFO,
+    Verdict::INFO,
+    Side::INFO,
+    StopReason::INFO,
+    RequestKind::INFO,
+    ResponseStatus::INFO,
+];

@@ -1,0 +1,51 @@
+//! The wire contract of admittanced: what travels through shared memory between the motion controller, the daemon and
+//! its tools, under which service names, and with which quality of service.
+//!
+//! - [`StateSample`], [`CommandSample`], [`TruthSample`], [`RequestSample`], [`ResponseSample`]: fixed-size samples.
+//! - [`services`]: one function per service.
+//! - [`IpcSettings`]: root path, prefix and instance, from which nodes are made.
+//! - [`schema`]: the contract as JSON and as a C header, for clients in other languages.
+//!
+//! The schema version is part of every type name. iceoryx2 compares type name, size and alignment when a service is
+//! opened, but not the order of the fields: a changed layout needs a new version.
+
+#[macro_use]
+mod macros;
+
+mod enums;
+mod errors;
+mod instance;
+mod ports;
+mod removal;
+mod samples;
+mod settings;
+
+pub mod c_header;
+pub mod layout;
+pub mod qos;
+pub mod schema;
+pub mod services;
+
+pub use c_header::c_header;
+pub use enums::{ENUMS, Mode, Motion, RequestKind, ResponseStatus, Side, Source, StopReason, Verdict};
+pub use errors::{PortError, ServiceError};
+pub use instance::{Instance, InstanceError, MAX_INSTANCE_LENGTH};
+pub use ports::{Client, Event, Listener, Notifier, PublishSubscribe, Publisher, RequestResponse, Server, Subscriber};
+pub use removal::{RemoveError, remove_all, shared_memory_files};
+pub use samples::{CommandSample, RequestSample, ResponseSample, SAMPLES, StateSample, TruthSample};
+pub use schema::schema_json;
+pub use services::Access;
+pub use settings::{
+    DEFAULT_PREFIX, DEFAULT_ROOT_PATH, IpcSettings, MAX_PREFIX_LENGTH, Node, NodeError, SettingsError, quiet_iceoryx2,
+};
+
+/// Version of the samples' layout and meaning; the type names end in it.
+pub const SCHEMA_VERSION: u32 = 1;
+/// Joints that a sample can hold.
+pub const MAX_JOINTS: usize = 8;
+/// Task axes of a Cartesian array: x y z rx ry rz.
+pub const TASK_AXES: usize = 6;
+/// Plan steps that a command can hold.
+pub const MAX_PLAN: usize = 32;
+/// Bytes of text in a response.
+pub const TEXT_LENGTH: usize = 1024;

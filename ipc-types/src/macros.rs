@@ -1,0 +1,149 @@
+//! The two macros that declare the wire contract. From one declaration come the Rust type, its documentation, the
+//! compile-time layout checks, the schema entry and the C header.
+
+/// Declares a sample. Per field: byte offset, name, type, optionally `as` the wire enum of its codes, `[unit, range]`,
+/// meaning.
+macro_rules! wire_sample {
+    (
+        $(#[doc = $doc:literal])+
+        struct $name:ident: $type_name:literal, size $size:literal, writer $writer:literal {
+            $(
+                $offset:literal $field:ident: $ty:ty $(as $enumeration:ident)? [$unit:literal, $range:literal]
+                    $meaning:literal;
+            )+
+        }
+    ) => {
+        $(#[doc = $doc])+
+        #[doc = ""]
+        #[doc = concat!("Written by ", $writer, ". ", stringify!($size), " bytes, type name `", $type_name, "`.")]
+        #[repr(C)]
+        #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+        #[type_name($type_name)]
+        pub struct $name {
+            $(
+                #[doc = $meaning]
+                #[doc = ""]
+                $( #[doc = concat!("A code of [`crate::", stringify!($enumeration), "`].")] )?
+                #[doc = concat!("Unit: ", $unit, ". Range: ", $range, ". Offset: ", stringify!($offset), ".")]
+                pub $field: $ty,
+            )+
+        }
+
+        impl $name {
+            /// A sample with all bytes zero.
+            pub const fn zeroed() -> Self {
+                Self { $( $field: <$ty as $crate::layout::WireType>::ZERO, )+ }
+            }
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self::zeroed()
+            }
+        }
+
+        impl $crate::layout::WireSample for $name {
+            const INFO: $crate::layout::SampleInfo = $crate::layout::SampleInfo {
+                name: stringify!($name),
+                type_name: $type_name,
+                size: $size,
+                alignment: 8,
+                writer: $writer,
+                meaning: concat!($($doc),+).trim_ascii(),
+                fields: &[$(
+                    $crate::layout::FieldInfo {
+                        name: stringify!($field),
+                        scalar: <$ty as $crate::layout::WireType>::SCALAR,
+                        shape: <$ty as $crate::layout::WireType>::SHAPE,
+                        offset: $offset,
+                        unit: $unit,
+                        range: $range,
+                        meaning: $meaning,
+                        enumeration: wire_sample!(@enumeration $ty $(, $enumeration)?),
+                    },
+                )+],
+            };
+        }
+
+        const _: () = {
+            assert!(core::mem::size_of::<$name>() == $size, concat!("size of ", stringify!($name)));
+            assert!(core::mem::align_of::<$name>() == 8, concat!("alignment of ", stringify!($name)));
+            $(
+                assert!(
+                    core::mem::offset_of!($name, $field) == $offset,
+                    concat!("offset of ", stringify!($name), ".", stringify!($field))
+                );
+            )+
+            assert!(0 $(+ core::mem::size_of::<$ty>())+ == $size, concat!("padding inside ", stringify!($name)));
+        };
+    };
+    (@enumeration $ty:ty) => { None };
+    (@enumeration $ty:ty, $enumeration:ident) => {
+        Some(<$crate::$enumeration as $crate::layout::WireEnum>::INFO.name)
+    };
+}
+
+/// Declares a wire enum: a `u32` on the wire. Per value: name, code, meaning.
+macro_rules! wire_enum {
+    (
+        $(#[doc = $doc:literal])+
+        enum $name:ident {
+            $( $value:ident = $code:literal $meaning:literal; )+
+        }
+    ) => {
+        $(#[doc = $doc])+
+        #[repr(u32)]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum $name {
+            $( #[doc = concat!($meaning, " Code ", stringify!($code), ".")] $value = $code, )+
+        }
+
+        impl $name {
+            /// Every value, in the order of declaration.
+            pub const ALL: &'static [Self] = &[$( Self::$value, )+];
+
+            /// The value of a code; `None` for a code that this schema version does not know.
+            pub const fn from_code(code: u32) -> Option<Self> {
+                match code {
+                    $( $code => Some(Self::$value), )+
+                    _ => None,
+                }
+            }
+
+            /// The code on the wire.
+            pub const fn code(self) -> u32 {
+                self as u32
+            }
+
+            /// The name in the schema.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $( Self::$value => stringify!($value), )+
+                }
+            }
+
+            /// What the value says, as a sentence.
+            pub const fn meaning(self) -> &'static str {
+                match self {
+                    $( Self::$value => $meaning, )+
+                }
+            }
+        }
+
+        impl core::fmt::Display for $name {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                f.pad(self.name())
+            }
+        }
+
+        impl $crate::layout::WireEnum for $name {
+            const INFO: $crate::layout::EnumInfo = $crate::layout::EnumInfo {
+                name: stringify!($name),
+                meaning: concat!($($doc),+).trim_ascii(),
+                values: &[$(
+                    $crate::layout::EnumValueInfo { name: stringify!($value), code: $code, meaning: $meaning },
+                )+],
+            };
+        }
+    };
+}

@@ -1,0 +1,191 @@
+//! The contract as JSON: everything that a client in any language needs, taken from the declarations themselves.
+
+use serde::Serialize;
+
+use crate::layout::{EnumInfo, SampleInfo};
+use crate::qos::{EventQos, PublishSubscribeQos, RequestResponseQos, ServiceSpec};
+use crate::services::{COMMAND, COMMAND_ARRIVAL, REQUEST, STATE, STATE_ARRIVAL, TRUTH};
+use crate::{ENUMS, MAX_JOINTS, MAX_PLAN, SAMPLES, SCHEMA_VERSION, TASK_AXES, TEXT_LENGTH};
+
+/// The whole contract. Its JSON form is made by [`schema_json`].
+#[derive(Debug, Clone, Serialize)]
+pub struct Schema {
+    /// Version of layout and meaning.
+    pub schema_version: u32,
+    /// Middleware and release that carry the services.
+    pub transport: &'static str,
+    /// What holds for every field.
+    pub conventions: Conventions,
+    /// Limits of the arrays.
+    pub constants: Constants,
+    /// Regular expression of instance names.
+    pub instance_pattern: &'static str,
+    /// Every service.
+    pub services: Vec<ServiceEntry>,
+    /// Every sample type.
+    pub types: &'static [SampleInfo],
+    /// Every enum.
+    pub enums: &'static [EnumInfo],
+}
+
+/// What holds for every field.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Conventions {
+    /// Layout rule.
+    pub layout: &'static str,
+    /// Clock of every stamp.
+    pub time: &'static str,
+    /// Frame and order of Cartesian arrays.
+    pub cartesian: &'static str,
+    /// Order of joint arrays.
+    pub joints: &'static str,
+    /// Sign of wrenches.
+    pub wrench: &'static str,
+}
+
+/// Limits of the arrays.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub struct Constants {
+    /// [`MAX_JOINTS`].
+    pub max_joints: usize,
+    /// [`TASK_AXES`].
+    pub task_axes: usize,
+    /// [`MAX_PLAN`].
+    pub max_plan: usize,
+    /// [`TEXT_LENGTH`].
+    pub text_length: usize,
+}
+
+/// One service.
+#[derive(Debug, Clone, Serialize)]
+pub struct ServiceEntry {
+    /// Last part of the name.
+    pub name: &'static str,
+    /// The whole name, with `{instance}` in place of the instance.
+    pub name_pattern: String,
+    /// What it carries and when.
+    pub meaning: &'static str,
+    /// Who makes it.
+    pub creator: &'static str,
+    /// Who publishes, notifies or requests.
+    pub writer: &'static str,
+    /// Who subscribes, listens or serves.
+    pub reader: &'static str,
+    /// Pattern, types and quality of service.
+    #[serde(flatten)]
+    pub pattern: Pattern,
+}
+
+/// Pattern of a service with its types (names of entries in `types`, and their type names) and quality of service.
+#[derive(Debug, Clone, Serialize)]
+#[serde(tag = "messaging_pattern", rename_all = "kebab-case")]
+pub enum Pattern {
+    /// Samples from a publisher to subscribers.
+    PublishSubscribe {
+        /// Name of the sample type.
+        payload: &'static str,
+        /// Its type name.
+        payload_type_name: &'static str,
+        /// Quality of service.
+        qos: PublishSubscribeQos,
+    },
+    /// Notifications without payload.
+    Event {
+        /// Quality of service.
+        qos: EventQos,
+    },
+    /// Requests from clients to a server, which responds.
+    RequestResponse {
+        /// Name of the request's sample type.
+        request: &'static str,
+        /// Its type name.
+        request_type_name: &'static str,
+        /// Name of the response's sample type.
+        response: &'static str,
+        /// Its type name.
+        response_type_name: &'static str,
+        /// Quality of service.
+        qos: RequestResponseQos,
+    },
+}
+
+/// The contract as data.
+pub fn schema() -> Schema {
+    Schema {
+        schema_version: SCHEMA_VERSION,
+        transport: "iceoryx2 0.10, shared memory on one host",
+        conventions: Conventions {
+            layout: "C layout of the host (native byte order), explicit offsets, no implicit padding; shape [] is a \
+                     scalar, \
+                     [a, b] is a rows of b values",
+            time: "nanoseconds of CLOCK_MONOTONIC on this host, taken by the writer",
+            cartesian: "x y z rx ry rz at the TCP in the robot's base frame; an axis that the arm does not control \
+                        is 0",
+            joints: "base to tip; values after joint_count are 0",
+            wrench: "what the ROBOT exerts on the ENVIRONMENT: pushing along +x gives a positive x force",
+        },
+        constants: Constants {
+            max_joints: MAX_JOINTS,
+            task_axes: TASK_AXES,
+            max_plan: MAX_PLAN,
+            text_length: TEXT_LENGTH,
+        },
+        instance_pattern: "[a-z0-9][a-z0-9_-]{0,31}",
+        services: services(),
+        types: SAMPLES,
+        enums: ENUMS,
+    }
+}
+
+/// The contract as indented JSON.
+pub fn schema_json() -> String {
+    serde_json::to_string_pretty(&schema()).expect("strings, numbers and lists only: nothing that JSON cannot hold")
+}
+
+fn services() -> Vec<ServiceEntry> {
+    vec![
+        publish_subscribe(&STATE),
+        event(&STATE_ARRIVAL),
+        publish_subscribe(&COMMAND),
+        event(&COMMAND_ARRIVAL),
+        publish_subscribe(&TRUTH),
+        request_response(&REQUEST),
+    ]
+}
+
+fn publish_subscribe(spec: &ServiceSpec<PublishSubscribeQos>) -> ServiceEntry {
+    let payload = &spec.samples[0];
+    entry(
+        spec,
+        Pattern::PublishSubscribe { payload: payload.name, payload_type_name: payload.type_name, qos: spec.qos },
+    )
+}
+
+fn event(spec: &ServiceSpec<EventQos>) -> ServiceEntry {
+    entry(spec, Pattern::Event { qos: spec.qos })
+}
+
+fn request_response(spec: &ServiceSpec<RequestResponseQos>) -> ServiceEntry {
+    let (request, response) = (&spec.samples[0], &spec.samples[1]);
+    let pattern = Pattern::RequestResponse {
+        request: request.name,
+        request_type_name: request.type_name,
+        response: response.name,
+        response_type_name: response.type_name,
+        qos: spec.qos,
+    };
+    entry(spec, pattern)
+}
+
+fn entry<Q>(spec: &ServiceSpec<Q>, pattern: Pattern) -> ServiceEntry {
+    ServiceEntry {
+        name: spec.name,
+        name_pattern: spec.name_pattern(),
+        meaning: spec.meaning,
+        creator: spec.creator,
+        writer: spec.writer,
+        reader: spec.reader,
+        pattern,
+    }
+}

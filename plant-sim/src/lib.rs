@@ -1,0 +1,18 @@
+//! The emulated motion controller and robot: joint speed loops (4), contact (19)-(21), wrench estimate (6).
+//!
+//! The data path: [`scenario`] → [`setup`] → [`plant`] ([`motion`] and [`playback`] give the joint reference, [`joint_loop`]
+//! follows it, [`environment`] pushes back, [`wrench_estimate`], [`noise`] and [`faults`] make the sample) → [`run`] in
+//! virtual time, or the real-time shell.
+
+pub mod environment;
+pub mod faults;
+pub mod joint_loop;
+pub mod motion;
+pub mod noise;
+pub mod plant;
+pub mod playback;
+pub mod run;
+pub mod scenario;
+pub mod setup;
+pub mod summary;
+pub mod wrench_estimate;

@@ -1,0 +1,430 @@
+//! The plant: joint loops, contact and wrench estimate of one arm, stepped from sample to sample. It has no clock and does no
+//! input or output; time is in nanoseconds and passed along by the steps themselves.
+
+use crate::environment::{Contact, Surface};
+use crate::faults::{FaultKind, Faults};
+use crate::joint_loop::{JointLoop, JointStep};
+use crate::motion::{CommandedMotion, MINIMUM_RECIPROCAL_CONDITION, advance_reference};
+use crate::noise::Noise;
+use crate::playback::{Applied, Playback, Reception, Rejection};
+use crate::wrench_estimate::{DelayLine, EstimateStep, WrenchEstimate};
+use admittance_core::robot::{Chain, Kinematics, right_inverse};
+use ipc_types::{CommandSample, MAX_JOINTS, Motion, StateSample, TASK_AXES, TruthSample};
+use nalgebra::{Rotation3, SVector, UnitQuaternion, Vector3};
+
+/// Everything that makes up a plant of N joints and D task axes.
+#[derive(Debug, Clone)]
+pub struct PlantParameters<const N: usize, const D: usize> {
+    /// Kinematics of the arm.
+    pub chain: Chain<N>,
+    /// Velocity loops of the joints (4).
+    pub joints: JointLoop<N>,
+    /// Joint position at the start, in rad; the arm is at rest.
+    pub start: SVector<f64, N>,
+    /// What the TCP may touch; `None` is free space.
+    pub surface: Option<Surface>,
+    /// Wrench estimate (6), at rest.
+    pub estimate: WrenchEstimate<D>,
+    /// Pure delay of the estimate, in ns.
+    pub wrench_delay_ns: u64,
+    /// Sensor noise.
+    pub noise: Noise,
+    /// Commanded motion.
+    pub motion: CommandedMotion<D>,
+    /// Scripted faults.
+    pub faults: Faults,
+    /// T_s in ns.
+    pub sampling_time_ns: u64,
+    /// When the command of a sample acts, in ns after the sample's stamp.
+    pub command_delay_ns: u64,
+    /// Longest interval in ns over which the contact force is taken to be a straight line.
+    pub substep_ns: u64,
+    /// Samples at rest before the motion starts.
+    pub settle_samples: i64,
+    /// Whether the motion waits for the first valid command, and the settling counts from there.
+    pub wait_for_command: bool,
+    /// Stamp of the first sample, in ns.
+    pub first_stamp_ns: u64,
+    /// Boot id of the samples, not 0.
+    pub boot_id: u64,
+}
+
+/// What the shell measured about one cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct CycleTiming {
+    /// From the stamp to the visible command, in ns; 0 = not seen.
+    pub answer_time_ns: u64,
+    /// By how much the state sample was published late, in ns.
+    pub lateness_ns: u64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Substep<const N: usize, const D: usize> {
+    duration_ns: u64,
+    joints: JointStep<N>,
+    estimate: EstimateStep<D>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Peaks {
+    normal_force: f64,
+    force: Vector3<f64>,
+}
+
+impl Peaks {
+    fn of(contact: &Contact) -> Self {
+        Self { normal_force: contact.normal_force, force: contact.force }
+    }
+
+    fn add(&mut self, contact: &Contact) {
+        self.normal_force = self.normal_force.max(contact.normal_force);
+        for (peak, value) in self.force.iter_mut().zip(contact.force.iter()) {
+            if value.abs() > peak.abs() {
+                *peak = *value;
+            }
+        }
+    }
+}
+
+/// The plant at the instant of its current sample.
+#[derive(Debug, Clone)]
+pub struct Plant<const N: usize, const D: usize> {
+    parameters: PlantParameters<N, D>,
+    playback: Playback,
+    delay_line: DelayLine<D>,
+    usual_substep: Substep<N, D>,
+    /// Largest distance in m of the TCP from each joint's axis, whatever the pose.
+    reach: SVector<f64, N>,
+    now_ns: u64,
+    sequence: u64,
+    index: i64,
+    position: SVector<f64, N>,
+    velocity: SVector<f64, N>,
+    velocity_reference: SVector<f64, N>,
+    position_reference: SVector<f64, N>,
+    kinematics: Kinematics<N>,
+    contact: Contact,
+    touched: bool,
+    contact_losses: u32,
+    peaks: Peaks,
+    singular: bool,
+    sample: StateSample,
+}
+
+impl<const N: usize, const D: usize> Plant<N, D> {
+    /// The plant at its first sample.
+    pub fn new(parameters: PlantParameters<N, D>) -> Self {
+        let kinematics = parameters.chain.kinematics(&parameters.start);
+        let contact = contact_of(parameters.surface.as_ref(), &kinematics, &SVector::zeros());
+        let substeps = parameters.wrench_delay_ns / parameters.substep_ns.max(1);
+        let cycles = parameters.wrench_delay_ns / parameters.sampling_time_ns + 1;
+        // Besides the substeps, each plan step and each command ends an interval.
+        let delayed_values = substeps + cycles * (ipc_types::MAX_PLAN as u64 + 4);
+        let mut plant = Self {
+            playback: Playback::new(N, parameters.command_delay_ns, parameters.sampling_time_ns),
+            delay_line: DelayLine::new(parameters.wrench_delay_ns, delayed_values as usize),
+            usual_substep: substep_of(&parameters, parameters.substep_ns),
+            reach: reach_of(&parameters.chain),
+            now_ns: parameters.first_stamp_ns,
+            sequence: 1,
+            index: -parameters.settle_samples,
+            position: parameters.start,
+            velocity: SVector::zeros(),
+            velocity_reference: SVector::zeros(),
+            position_reference: parameters.start,
+            kinematics,
+            contact,
+            touched: contact.penetration > 0.0,
+            contact_losses: 0,
+            peaks: Peaks::of(&contact),
+            singular: false,
+            sample: StateSample::zeroed(),
+            parameters,
+        };
+        plant.playback.begin_sample(plant.sequence, plant.now_ns);
+        plant.measure();
+        plant
+    }
+
+    /// The state sample of the current instant, faults and noise included.
+    pub fn sample(&self) -> &StateSample {
+        &self.sample
+    }
+
+    /// Whether the sample is published at all: no [`FaultKind::Drop`] acts.
+    pub fn publishes(&self) -> bool {
+        !self.fault(FaultKind::Drop)
+    }
+
+    /// Stamp of the current sample in ns, also when a fault shows another one.
+    pub fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    /// Takes a command that became visible at `visible_ns`; `None` when a fault hides it.
+    ///
+    /// # Errors
+    /// [`Rejection`] when the command is not acceptable; it then counts as missed.
+    pub fn receive(&mut self, command: &CommandSample, visible_ns: u64) -> Result<Option<Reception>, Rejection> {
+        if self.fault(FaultKind::CommandLoss) {
+            return Ok(None);
+        }
+        self.playback.receive(command, visible_ns).map(Some)
+    }
+
+    /// Commands and their fate so far.
+    pub fn playback(&self) -> &Playback {
+        &self.playback
+    }
+
+    /// Ends the wait for commands of this sample and says what is true at its instant. Call once per cycle, before
+    /// [`Self::integrate`].
+    pub fn settle(&mut self, timing: CycleTiming) -> TruthSample {
+        let end_ns = self.now_ns + self.parameters.sampling_time_ns;
+        let missed = self.playback.is_missing(end_ns);
+        self.playback.apply_due(self.now_ns);
+        self.truth(timing, missed)
+    }
+
+    /// Goes on to the next sample: the joints follow the commands, each from the instant at which it acts.
+    pub fn integrate(&mut self) {
+        let start_ns = self.now_ns;
+        let end_ns = start_ns + self.parameters.sampling_time_ns;
+        let twist = self.twist_reference();
+        while self.now_ns < end_ns {
+            self.playback.apply_due(self.now_ns);
+            self.update_reference(&twist);
+            let until_ns = [self.playback.next_due(), self.playback.next_change(self.now_ns)];
+            let until_ns = until_ns.into_iter().flatten().fold(end_ns, u64::min);
+            self.integrate_until(until_ns, start_ns);
+        }
+        let duration_s = seconds(self.parameters.sampling_time_ns);
+        match advance_reference(&self.parameters.chain, &self.position_reference, &twist, duration_s) {
+            Ok(position) => self.position_reference = position,
+            Err(_) => self.singular = true,
+        }
+        self.sequence += 1;
+        if self.index < 0 && self.parameters.wait_for_command && !self.playback.has_received() {
+            self.index = -self.parameters.settle_samples.max(1);
+        } else {
+            self.index += 1;
+        }
+        self.playback.begin_sample(self.sequence, self.now_ns);
+        self.measure();
+    }
+
+    /// Index of the current sample, 0 at the start of the motion and negative before.
+    pub fn index(&self) -> i64 {
+        self.index
+    }
+
+    /// Whether the motion is over: its last sample is behind.
+    pub fn is_finished(&self) -> bool {
+        self.index > self.parameters.motion.samples()
+    }
+
+    /// Whether the arm or its command met a pose at which J has no inverse; the joints are then held there.
+    pub fn met_singularity(&self) -> bool {
+        self.singular
+    }
+
+    /// True joint position in rad.
+    pub fn joint_position(&self) -> &SVector<f64, N> {
+        &self.position
+    }
+
+    /// True TCP position in m, base frame.
+    pub fn tcp_position(&self) -> Vector3<f64> {
+        self.kinematics.pose.position
+    }
+
+    /// Integrates to an instant within the current cycle, as [`Self::integrate`] would pass through it.
+    pub(crate) fn integrate_partly(&mut self, instant_ns: u64, rest_s: f64) {
+        let start_ns = self.now_ns;
+        let twist = self.twist_reference();
+        self.playback.apply_due(self.now_ns);
+        self.update_reference(&twist);
+        while let Some(due_ns) = self.playback.next_due().filter(|due_ns| *due_ns <= instant_ns) {
+            self.integrate_until(due_ns, start_ns);
+            self.playback.apply_due(self.now_ns);
+            self.update_reference(&twist);
+        }
+        self.integrate_until(instant_ns, start_ns);
+        let step = self.parameters.joints.step(rest_s);
+        step.advance(&mut self.position, &mut self.velocity, &self.velocity_reference);
+        self.kinematics = self.parameters.chain.kinematics(&self.position);
+    }
+
+    fn fault(&self, kind: FaultKind) -> bool {
+        self.parameters.faults.active(kind, self.index)
+    }
+
+    fn twist_reference(&self) -> SVector<f64, D> {
+        if self.fault(FaultKind::DrivesDisabled) { SVector::zeros() } else { self.parameters.motion.twist(self.index) }
+    }
+
+    /// q̇_ref = J⁻¹(q)(ṗ0 + Δṗ), or zero when holding.
+    fn update_reference(&mut self, twist: &SVector<f64, D>) {
+        self.velocity_reference = SVector::zeros();
+        let Applied::Offset(offset) = self.playback.applied::<D>(self.now_ns) else { return };
+        let twist = twist + offset;
+        if self.fault(FaultKind::DrivesDisabled) || twist.iter().all(|value| *value == 0.0) {
+            return;
+        }
+        match right_inverse(&self.kinematics.task_jacobian::<D>(), MINIMUM_RECIPROCAL_CONDITION) {
+            Ok(inverse) => self.velocity_reference = inverse.joint_velocity(&twist),
+            Err(_) => self.singular = true,
+        }
+    }
+
+    /// Constant velocity reference from here to `until_ns`; substeps lie on a grid that starts at `start_ns`.
+    fn integrate_until(&mut self, until_ns: u64, start_ns: u64) {
+        let grid_ns = self.parameters.substep_ns;
+        while self.now_ns < until_ns {
+            let next_ns = if self.stays_free(until_ns - self.now_ns) {
+                until_ns
+            } else {
+                until_ns.min(start_ns + ((self.now_ns - start_ns) / grid_ns + 1) * grid_ns)
+            };
+            self.substep(next_ns - self.now_ns);
+        }
+    }
+
+    /// Whether the TCP cannot reach the surface in this time, so that a single step is exact: a bound from joint speeds.
+    fn stays_free(&self, duration_ns: u64) -> bool {
+        if self.parameters.surface.is_none() {
+            return true;
+        }
+        if !self.delay_line.is_none() && !self.parameters.estimate.is_zero() {
+            return false;
+        }
+        let speed = self.velocity.zip_map(&self.velocity_reference, |now, reference| now.abs().max(reference.abs()));
+        self.contact.penetration + speed.dot(&self.reach) * seconds(duration_ns) < 0.0
+    }
+
+    fn substep(&mut self, duration_ns: u64) {
+        let step = if duration_ns == self.usual_substep.duration_ns {
+            self.usual_substep
+        } else {
+            substep_of(&self.parameters, duration_ns)
+        };
+        step.joints.advance(&mut self.position, &mut self.velocity, &self.velocity_reference);
+        self.now_ns += duration_ns;
+        self.kinematics = self.parameters.chain.kinematics(&self.position);
+        self.contact = contact_of(self.parameters.surface.as_ref(), &self.kinematics, &self.velocity);
+        self.peaks.add(&self.contact);
+        let touches = self.contact.penetration > 0.0;
+        self.contact_losses += u32::from(self.touched && !touches);
+        self.touched = touches;
+        let truth = SVector::from_fn(|axis, _| if axis < 3 { self.contact.force[axis] } else { 0.0 });
+        self.parameters.estimate.advance(&step.estimate, &truth);
+        if !self.delay_line.is_none() {
+            self.delay_line.push(self.now_ns, self.parameters.estimate.estimate());
+        }
+    }
+
+    /// Builds the sample of the current instant.
+    fn measure(&mut self) {
+        let (mut position, mut velocity) = (self.position, self.velocity);
+        let mut wrench = if self.delay_line.is_none() {
+            *self.parameters.estimate.estimate()
+        } else {
+            self.delay_line.delayed(self.now_ns)
+        };
+        self.parameters.noise.add(&mut position, &mut velocity, &mut wrench);
+        if self.fault(FaultKind::Freeze) && self.sequence > 1 {
+            return;
+        }
+        self.sample = StateSample {
+            sequence: self.sequence,
+            stamp_ns: self.now_ns,
+            boot_id: self.parameters.boot_id,
+            applied_command_sequence: self.playback.applied_sequence(),
+            joint_count: N as u32,
+            wrench_valid: 1,
+            drives_enabled: 1,
+            joint_position: pad(position.as_slice()),
+            joint_velocity: pad(velocity.as_slice()),
+            joint_position_reference: pad(self.position_reference.as_slice()),
+            twist_reference: pad(self.twist_reference().as_slice()),
+            wrench: pad(wrench.as_slice()),
+            ..StateSample::zeroed()
+        };
+        self.parameters.faults.falsify(&mut self.sample, self.index);
+    }
+
+    fn truth(&mut self, timing: CycleTiming, missed: bool) -> TruthSample {
+        let pose = &self.kinematics.pose;
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(pose.rotation));
+        let applied = self.playback.applied::<D>(self.now_ns);
+        let (motion, offset) = match applied {
+            Applied::Offset(offset) => (Motion::Offset, offset),
+            Applied::Hold => (Motion::Hold, SVector::zeros()),
+        };
+        let truth = TruthSample {
+            sequence: self.sequence,
+            stamp_ns: self.now_ns,
+            boot_id: self.parameters.boot_id,
+            answer_time_ns: timing.answer_time_ns,
+            missed_commands: self.playback.missed() + u64::from(missed),
+            lateness_ns: timing.lateness_ns,
+            in_contact: u32::from(self.contact.penetration > 0.0),
+            contact_losses: self.contact_losses,
+            motion: motion.code(),
+            missed: u32::from(missed),
+            scenario_time_s: self.index as f64 * seconds(self.parameters.sampling_time_ns),
+            normal_force_n: self.contact.normal_force,
+            penetration_m: self.contact.penetration,
+            peak_normal_force_n: self.peaks.normal_force,
+            joint_position: pad(self.position.as_slice()),
+            joint_velocity: pad(self.velocity.as_slice()),
+            tcp_position: pose.position.into(),
+            tcp_rotation: rotation.scaled_axis().into(),
+            tcp_twist: (self.kinematics.jacobian * self.velocity).into(),
+            wrench: pad(self.contact.force.as_slice()),
+            peak_wrench: pad(self.peaks.force.as_slice()),
+            velocity_offset: pad(offset.as_slice()),
+        };
+        self.peaks = Peaks::of(&self.contact);
+        truth
+    }
+}
+
+fn seconds(duration_ns: u64) -> f64 {
+    duration_ns as f64 * 1e-9
+}
+
+fn pad<const LENGTH: usize>(values: &[f64]) -> [f64; LENGTH] {
+    const { assert!(LENGTH == TASK_AXES || LENGTH == MAX_JOINTS) };
+    std::array::from_fn(|index| values.get(index).copied().unwrap_or(0.0))
+}
+
+fn substep_of<const N: usize, const D: usize>(parameters: &PlantParameters<N, D>, duration_ns: u64) -> Substep<N, D> {
+    let duration_s = seconds(duration_ns);
+    Substep { duration_ns, joints: parameters.joints.step(duration_s), estimate: parameters.estimate.step(duration_s) }
+}
+
+fn contact_of<const N: usize>(
+    surface: Option<&Surface>,
+    kinematics: &Kinematics<N>,
+    velocity: &SVector<f64, N>,
+) -> Contact {
+    let Some(surface) = surface else { return Contact::none(f64::NEG_INFINITY) };
+    let tcp_velocity = if surface.needs_velocity() {
+        (kinematics.jacobian * velocity).fixed_rows::<3>(0).into_owned()
+    } else {
+        Vector3::zeros()
+    };
+    surface.contact(&kinematics.pose.position, &tcp_velocity)
+}
+
+/// Upper bound of the TCP's distance from each joint's axis: the length of everything after the joint.
+fn reach_of<const N: usize>(chain: &Chain<N>) -> SVector<f64, N> {
+    let mut reach = SVector::zeros();
+    let mut length = chain.tool().position.norm();
+    for (joint, description) in chain.joints().iter().enumerate().rev() {
+        reach[joint] = length;
+        length += description.origin.norm();
+    }
+    reach
+}

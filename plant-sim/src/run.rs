@@ -1,0 +1,142 @@
+//! A plant of any of the known arms behind one interface, and its run in virtual time.
+
+use ipc_types::{CommandSample, StateSample, TruthSample};
+
+use crate::plant::{CycleTiming, Plant};
+use crate::playback::Rejection;
+use crate::scenario::Scenario;
+use crate::setup::{self, SetupError};
+
+/// A plant, whatever its arm.
+pub trait AnyPlant {
+    /// The state sample of the current instant.
+    fn sample(&self) -> &StateSample;
+    /// Whether the sample is published.
+    fn publishes(&self) -> bool;
+    /// Stamp of the current sample in ns.
+    fn now_ns(&self) -> u64;
+    /// Takes a command that became visible at `visible_ns`. True when it is there before it has to act.
+    ///
+    /// # Errors
+    /// [`Rejection`].
+    fn receive(&mut self, command: &CommandSample, visible_ns: u64) -> Result<bool, Rejection>;
+    /// Ends the wait for commands of this sample and says what is true at its instant.
+    fn settle(&mut self, timing: CycleTiming) -> TruthSample;
+    /// Goes on to the next sample.
+    fn integrate(&mut self);
+    /// Whether a valid command was ever received.
+    fn has_received(&self) -> bool;
+    /// Whether the motion is over.
+    fn is_finished(&self) -> bool;
+    /// Whether the arm met a singular pose.
+    fn met_singularity(&self) -> bool;
+}
+
+impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
+    fn sample(&self) -> &StateSample {
+        self.sample()
+    }
+
+    fn publishes(&self) -> bool {
+        self.publishes()
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.now_ns()
+    }
+
+    fn receive(&mut self, command: &CommandSample, visible_ns: u64) -> Result<bool, Rejection> {
+        self.receive(command, visible_ns).map(|reception| reception == Some(crate::playback::Reception::InTime))
+    }
+
+    fn settle(&mut self, timing: CycleTiming) -> TruthSample {
+        self.settle(timing)
+    }
+
+    fn integrate(&mut self) {
+        self.integrate();
+    }
+
+    fn has_received(&self) -> bool {
+        self.playback().has_received()
+    }
+
+    fn is_finished(&self) -> bool {
+        self.is_finished()
+    }
+
+    fn met_singularity(&self) -> bool {
+        self.met_singularity()
+    }
+}
+
+/// The plant of a scenario; see [`setup::plant`]. The one match over the arms.
+///
+/// # Errors
+/// [`SetupError`].
+pub fn any_plant(
+    scenario: &Scenario,
+    first_stamp_ns: u64,
+    boot_id: u64,
+    wait_for_command: bool,
+) -> Result<Box<dyn AnyPlant>, SetupError> {
+    let (joints, axes) = (scenario.robot.joint.len(), scenario.robot.task_axes);
+    Ok(match (joints, axes) {
+        (2, 2) => Box::new(setup::plant::<2, 2>(scenario, first_stamp_ns, boot_id, wait_for_command)?),
+        (6, 6) => Box::new(setup::plant::<6, 6>(scenario, first_stamp_ns, boot_id, wait_for_command)?),
+        (7, 6) => Box::new(setup::plant::<7, 6>(scenario, first_stamp_ns, boot_id, wait_for_command)?),
+        _ => return Err(SetupError::Arm { joints, axes }),
+    })
+}
+
+/// Stamp of the first sample in virtual time: any instant that leaves room below.
+const VIRTUAL_START_NS: u64 = 1_000_000_000;
+
+/// A run in virtual time: no clock, no sleep, the same plant.
+pub struct VirtualRun {
+    plant: Box<dyn AnyPlant>,
+}
+
+impl std::fmt::Debug for VirtualRun {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "VirtualRun at {} ns", self.plant.now_ns())
+    }
+}
+
+impl VirtualRun {
+    /// A run of the scenario; the settling time passes whether or not commands come.
+    ///
+    /// # Errors
+    /// [`SetupError`].
+    pub fn new(scenario: &Scenario) -> Result<Self, SetupError> {
+        Ok(Self { plant: any_plant(scenario, VIRTUAL_START_NS, 1, false)? })
+    }
+
+    /// The state sample of the current instant; `None` when a fault keeps it from being published.
+    pub fn sample(&self) -> Option<&StateSample> {
+        self.plant.publishes().then(|| self.plant.sample())
+    }
+
+    /// The current instant in ns.
+    pub fn now_ns(&self) -> u64 {
+        self.plant.now_ns()
+    }
+
+    /// Takes the answer to the current sample, visible at once, and goes on to the next. The truth is that of the instant
+    /// of the sample, its peaks those since the sample before.
+    ///
+    /// # Errors
+    /// [`Rejection`] when the plant does not accept the command; the plant has gone on all the same.
+    pub fn advance(&mut self, answer: Option<&CommandSample>) -> Result<TruthSample, Rejection> {
+        let now_ns = self.plant.now_ns();
+        let received = answer.map_or(Ok(false), |command| self.plant.receive(command, now_ns));
+        let truth = self.plant.settle(CycleTiming::default());
+        self.plant.integrate();
+        received.map(|_| truth)
+    }
+
+    /// Whether the motion is over.
+    pub fn is_finished(&self) -> bool {
+        self.plant.is_finished()
+    }
+}

@@ -1,0 +1,200 @@
+//! Scenario files: the arm, the surface, the sensors, the commanded motion and the faults of one run.
+
+use admittance_host::config::ConfigError;
+use admittance_host::ipc_section::IpcSection;
+use admittance_host::realtime::RealtimeSection;
+use admittance_host::robot_description::RobotDescription;
+use admittance_host::{config_enum, config_section};
+
+use crate::faults::FaultKind;
+
+config_section! {
+    /// Cycle and integration.
+    pub struct TimingSection {
+        /// T_s: time between two state samples.
+        sampling_time_s: f64, unit "s", range 0.0001..=0.1;
+        /// The command for a sample acts this long after the sample's stamp.
+        command_delay_s: f64 = 0.0, unit "s", range 0.0..=0.2;
+        /// Longest interval over which the contact force is taken to be a straight line.
+        substep_s: f64 = 0.0001, unit "s", range 0.000001..=0.001;
+        /// Time at rest before the motion starts.
+        settle_s: f64 = 0.5, unit "s", range 0.0..=60.0;
+    }
+    cross_check whole_nanoseconds;
+}
+
+fn whole_nanoseconds(timing: &TimingSection, path: &str, errors: &mut Vec<ConfigError>) {
+    if timing.substep_s > timing.sampling_time_s {
+        let accepted = format!("at most {path}.sampling_time_s = {} s", timing.sampling_time_s);
+        errors.push(ConfigError::new(format!("{path}.substep_s"), timing.substep_s, accepted));
+    }
+}
+
+config_section! {
+    /// Where the arm starts, and when it touches.
+    pub struct StartSection {
+        /// Joint position at the start; with contact_time_s the guess from which it is solved, and its elbow.
+        joint_position_rad: Vec<f64>, unit "rad", range -7.0..=7.0, length 2..=8;
+        /// When the motion shall bring the TCP to surface.point_m, counted from its start, in whole samples; the start
+        /// is where joint_position_rad says when absent.
+        contact_time_s: Option<f64>, unit "s", range 0.0..=100.0;
+        /// Share of a sample that the contact comes later than that.
+        contact_phase: f64 = 0.0, unit "1", range 0.0..=1.0;
+    }
+}
+
+config_section! {
+    /// What the TCP may touch: a plane.
+    pub struct SurfaceSection {
+        /// A point of the undeformed plane, base frame.
+        point_m: [f64; 3], unit "m", range -100.0..=100.0;
+        /// Outward normal, base frame; any length above zero. A plane that falls by α towards +x: [sin α, cos α, 0].
+        normal: [f64; 3], unit "1", range -1.0..=1.0;
+        /// Stiffness along the normal, k_env of (19).
+        stiffness_n_m: f64, unit "N/m", range 100.0..=1e8;
+        /// Damping along the normal.
+        damping_n_s_m: f64 = 0.0, unit "N s/m", range 0.0..=1e5;
+        /// Coulomb friction coefficient.
+        friction: f64 = 0.0, unit "1", range 0.0..=2.0;
+        /// Sliding speed at which friction reaches 1/√2 of its full value.
+        slip_velocity_m_s: f64 = 0.001, unit "m/s", range 0.000001..=1.0;
+    }
+    cross_check normal_has_a_direction;
+}
+
+fn normal_has_a_direction(surface: &SurfaceSection, path: &str, errors: &mut Vec<ConfigError>) {
+    if surface.normal.iter().map(|n| n * n).sum::<f64>() < 1e-6 {
+        let key = format!("{path}.normal");
+        errors.push(ConfigError::new(key, format!("{:?}", surface.normal), "a vector that is not zero"));
+    }
+}
+
+config_section! {
+    /// The wrench estimate (6).
+    pub struct WrenchSection {
+        /// T_est per task axis; 0 is an ideal sensor.
+        time_constant_s: Vec<f64>, unit "s", range 0.0..=0.5, length 2..=6;
+        /// Pure delay of the estimate.
+        delay_s: f64 = 0.0, unit "s", range 0.0..=0.1;
+    }
+}
+
+config_section! {
+    /// Gaussian sensor noise, root mean square.
+    pub struct NoiseSection {
+        /// Of each wrench axis.
+        wrench: f64 = 0.0, unit "N, N m", range 0.0..=1000.0;
+        /// Of each joint position.
+        joint_position_rad: f64 = 0.0, unit "rad", range 0.0..=1.0;
+        /// Of each joint velocity.
+        joint_velocity_rad_s: f64 = 0.0, unit "rad/s", range 0.0..=10.0;
+        /// The same seed gives the same noise.
+        seed: u64 = 1, unit "1";
+    }
+}
+
+config_section! {
+    /// A phase of constant commanded velocity ṗ0.
+    pub struct MotionSection {
+        /// How long.
+        duration_s: f64, unit "s", range 0.0001..=3600.0;
+        /// ṗ0 per task axis, base frame.
+        twist: Vec<f64>, unit "m/s, rad/s", range -5.0..=5.0, length 2..=6;
+    }
+}
+
+config_enum! {
+    /// What goes wrong.
+    pub enum FaultName {
+        /// State samples are not published.
+        Drop = "drop",
+        /// The last sample is published again and again.
+        Freeze = "freeze",
+        /// The wrench is not a number.
+        NanWrench = "nan_wrench",
+        /// The wrench is flagged as invalid.
+        WrenchInvalid = "wrench_invalid",
+        /// The drives are disabled.
+        DrivesDisabled = "drives_disabled",
+        /// The sample claims one joint more.
+        JointCount = "joint_count",
+        /// The plant sees no commands.
+        CommandLoss = "command_loss",
+    }
+}
+
+impl FaultName {
+    pub(crate) fn kind(self) -> FaultKind {
+        match self {
+            Self::Drop => FaultKind::Drop,
+            Self::Freeze => FaultKind::Freeze,
+            Self::NanWrench => FaultKind::NanWrench,
+            Self::WrenchInvalid => FaultKind::WrenchInvalid,
+            Self::DrivesDisabled => FaultKind::DrivesDisabled,
+            Self::JointCount => FaultKind::JointCount,
+            Self::CommandLoss => FaultKind::CommandLoss,
+        }
+    }
+}
+
+config_section! {
+    /// A scripted fault.
+    pub struct FaultSection {
+        /// When, counted from the start of the motion.
+        at_s: f64, unit "s", range -60.0..=3600.0;
+        /// How long.
+        duration_s: f64, unit "s", range 0.0..=3600.0;
+        /// What.
+        kind: FaultName;
+    }
+}
+
+config_section! {
+    /// The whole file.
+    pub struct Scenario {
+        /// What logs and reports call it.
+        name: String, length 1..=64;
+        /// Where plant and daemon meet.
+        ipc: IpcSection;
+        /// The arm as it really is.
+        robot: RobotDescription;
+        /// Cycle and integration.
+        timing: TimingSection;
+        /// Where the arm starts.
+        start: StartSection;
+        /// What the TCP may touch; free space when absent.
+        surface: Option<SurfaceSection>;
+        /// The wrench estimate.
+        wrench: WrenchSection;
+        /// Sensor noise.
+        noise: NoiseSection;
+        /// Phases of the commanded motion, one after the other.
+        motion: Vec<MotionSection>, length 1..=64;
+        /// Scripted faults.
+        fault: Vec<FaultSection> = Vec::new(), length 0..=64;
+        /// How the real-time loop runs.
+        realtime: RealtimeSection;
+    }
+    cross_check sizes;
+}
+
+fn sizes(scenario: &Scenario, _: &str, errors: &mut Vec<ConfigError>) {
+    let (joints, axes) = (scenario.robot.joint.len(), scenario.robot.task_axes as usize);
+    let mut check = |key: String, found: usize, accepted: usize, which: &str| {
+        if found != accepted {
+            errors.push(ConfigError::new(
+                key,
+                format!("{found} values"),
+                format!("{accepted} values, one for each {which}"),
+            ));
+        }
+    };
+    check("start.joint_position_rad".into(), scenario.start.joint_position_rad.len(), joints, "joint");
+    check("wrench.time_constant_s".into(), scenario.wrench.time_constant_s.len(), axes, "task axis");
+    for (index, motion) in scenario.motion.iter().enumerate() {
+        check(format!("motion[{index}].twist"), motion.twist.len(), axes, "task axis");
+    }
+    if scenario.start.contact_time_s.is_some() && scenario.surface.is_none() {
+        errors.push(ConfigError::new("start.contact_time_s", "given", "a [surface] to touch, or no contact_time_s"));
+    }
+}

@@ -1,0 +1,211 @@
+//! From a scenario to a plant: units, and the start pose that makes the contact come at the instant asked for.
+
+use admittance_core::robot::{Chain, Pose, right_inverse};
+use nalgebra::{SVector, Vector3};
+
+use crate::environment::Surface;
+use crate::faults::{Fault, Faults};
+use crate::joint_loop::JointLoop;
+use crate::motion::{CommandedMotion, MINIMUM_RECIPROCAL_CONDITION};
+use crate::noise::{Noise, NoiseLevels};
+use crate::plant::{Plant, PlantParameters};
+use crate::scenario::Scenario;
+use crate::wrench_estimate::WrenchEstimate;
+
+/// Why a scenario that passed its checks can still not be set up.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SetupError {
+    /// Joints and task axes are not one of the pairs that the plant knows.
+    #[error("robot: {joints} joints with {axes} task axes: accepted are 2 with 2, 6 with 6, 7 with 6")]
+    Arm {
+        /// Joints.
+        joints: usize,
+        /// Task axes.
+        axes: u32,
+    },
+    /// The arm starts where J has no inverse.
+    #[error(
+        "start.joint_position_rad = {position:?}: J is not invertible there (reciprocal condition {found:.1e}, accepted: at \
+         least {MINIMUM_RECIPROCAL_CONDITION:.1e}): bend the arm"
+    )]
+    SingularStart {
+        /// The joint position in rad.
+        position: Vec<f64>,
+        /// Reciprocal condition number.
+        found: f64,
+    },
+    /// No start pose brings the contact at the instant asked for.
+    #[error(
+        "start.contact_time_s = {contact_time_s}: no start was found from which the motion touches surface.point_m then; move \
+         the point into reach, or start.joint_position_rad closer to the pose at contact"
+    )]
+    Unreachable {
+        /// The time in s.
+        contact_time_s: f64,
+    },
+}
+
+const START_ITERATIONS: usize = 12;
+/// Distance in m from the contact point at the instant of contact that is near enough: 1 nm.
+const START_TOLERANCE_M: f64 = 1e-9;
+
+fn nanoseconds(seconds: f64) -> u64 {
+    (seconds * 1e9).round() as u64
+}
+
+/// Whole samples in `seconds`.
+fn samples(seconds: f64, sampling_time_s: f64) -> i64 {
+    (seconds / sampling_time_s).round() as i64
+}
+
+/// The plant of a scenario, with its first sample stamped `first_stamp_ns`. With `wait_for_command` the motion starts only
+/// after the first valid command.
+///
+/// # Errors
+/// [`SetupError`].
+pub fn plant<const N: usize, const D: usize>(
+    scenario: &Scenario,
+    first_stamp_ns: u64,
+    boot_id: u64,
+    wait_for_command: bool,
+) -> Result<Plant<N, D>, SetupError> {
+    let axes = scenario.robot.task_axes;
+    let wrong_arm = SetupError::Arm { joints: scenario.robot.joint.len(), axes };
+    let chain = scenario.robot.chain::<N>().filter(|_| axes as usize == D).ok_or(wrong_arm)?;
+    let timing = &scenario.timing;
+    let in_samples = |seconds| samples(seconds, timing.sampling_time_s);
+    let vector = |values: &[f64]| SVector::<f64, D>::from_column_slice(values);
+    let joints = |values: &[f64]| SVector::<f64, N>::from_column_slice(values);
+    let parameters = PlantParameters {
+        joints: JointLoop::new(joints(&scenario.robot.velocity_time_constant_s)),
+        start: joints(&scenario.start.joint_position_rad),
+        surface: scenario.surface.as_ref().map(|surface| Surface {
+            point: surface.point_m.into(),
+            normal: Vector3::from(surface.normal).normalize(),
+            stiffness: surface.stiffness_n_m,
+            damping: surface.damping_n_s_m,
+            friction: surface.friction,
+            slip_velocity: surface.slip_velocity_m_s,
+        }),
+        estimate: WrenchEstimate::new(vector(&scenario.wrench.time_constant_s)),
+        wrench_delay_ns: nanoseconds(scenario.wrench.delay_s),
+        noise: Noise::new(
+            NoiseLevels {
+                joint_position: scenario.noise.joint_position_rad,
+                joint_velocity: scenario.noise.joint_velocity_rad_s,
+                wrench: scenario.noise.wrench,
+            },
+            scenario.noise.seed,
+        ),
+        motion: CommandedMotion::new(
+            scenario.motion.iter().map(|phase| (in_samples(phase.duration_s), vector(&phase.twist))),
+        ),
+        faults: Faults::new(
+            scenario
+                .fault
+                .iter()
+                .map(|fault| Fault {
+                    kind: fault.kind.kind(),
+                    first: in_samples(fault.at_s),
+                    end: in_samples(fault.at_s + fault.duration_s),
+                })
+                .collect(),
+        ),
+        sampling_time_ns: nanoseconds(timing.sampling_time_s),
+        command_delay_ns: nanoseconds(timing.command_delay_s),
+        substep_ns: nanoseconds(timing.substep_s),
+        settle_samples: in_samples(timing.settle_s),
+        wait_for_command,
+        first_stamp_ns,
+        boot_id,
+        chain,
+    };
+    check_pose::<N, D>(&parameters.chain, &parameters.start)?;
+    let start = match (scenario.start.contact_time_s, &parameters.surface) {
+        (Some(time_s), Some(surface)) => {
+            let whole = in_samples(time_s) as u64 * parameters.sampling_time_ns;
+            let phase = nanoseconds(scenario.start.contact_phase * timing.sampling_time_s);
+            solve_start(&parameters, surface.point, whole + phase)
+                .ok_or(SetupError::Unreachable { contact_time_s: time_s })?
+        }
+        _ => parameters.start,
+    };
+    check_pose::<N, D>(&parameters.chain, &start)?;
+    Ok(Plant::new(PlantParameters { start, ..parameters }))
+}
+
+fn check_pose<const N: usize, const D: usize>(chain: &Chain<N>, q: &SVector<f64, N>) -> Result<(), SetupError> {
+    right_inverse(&chain.kinematics(q).task_jacobian::<D>(), MINIMUM_RECIPROCAL_CONDITION).map(|_| ()).map_err(
+        |singular| SetupError::SingularStart { position: q.as_slice().to_vec(), found: singular.reciprocal_condition },
+    )
+}
+
+/// The start from which the motion, in free space, brings the TCP to `point` at `instant_ns` after its start: run the same
+/// plant without a surface, shift the start by where it missed, repeat.
+fn solve_start<const N: usize, const D: usize>(
+    parameters: &PlantParameters<N, D>,
+    point: Vector3<f64>,
+    instant_ns: u64,
+) -> Option<SVector<f64, N>> {
+    let guess = parameters.chain.kinematics(&parameters.start).pose;
+    let mut target = Pose { position: point, rotation: guess.rotation };
+    let mut start = inverse_kinematics::<N, D>(&parameters.chain, &parameters.start, &target)?;
+    for _ in 0..START_ITERATIONS {
+        let reached = free_position(parameters, start, instant_ns)?;
+        let miss = point - reached;
+        if miss.norm() < START_TOLERANCE_M {
+            return Some(start);
+        }
+        target.position += miss;
+        start = inverse_kinematics::<N, D>(&parameters.chain, &start, &target)?;
+    }
+    None
+}
+
+/// TCP position in free space at `instant_ns` after the start of the motion.
+fn free_position<const N: usize, const D: usize>(
+    parameters: &PlantParameters<N, D>,
+    start: SVector<f64, N>,
+    instant_ns: u64,
+) -> Option<Vector3<f64>> {
+    let mut plant = Plant::new(PlantParameters {
+        start,
+        surface: None,
+        settle_samples: 0,
+        wait_for_command: false,
+        faults: Faults::default(),
+        ..parameters.clone()
+    });
+    let end_ns = parameters.first_stamp_ns + instant_ns;
+    while plant.now_ns() + parameters.sampling_time_ns <= end_ns {
+        plant.integrate();
+    }
+    if plant.now_ns() < end_ns {
+        plant.integrate_partly(end_ns, 0.0);
+    }
+    (!plant.met_singularity()).then(|| plant.tcp_position())
+}
+
+/// Joint position of `target` by Newton's method from `guess`.
+fn inverse_kinematics<const N: usize, const D: usize>(
+    chain: &Chain<N>,
+    guess: &SVector<f64, N>,
+    target: &Pose,
+) -> Option<SVector<f64, N>> {
+    const ITERATIONS: usize = 50;
+    /// Longest step in rad: Newton must not jump to the other elbow.
+    const LONGEST_STEP_RAD: f64 = 0.3;
+    let mut q = *guess;
+    for _ in 0..ITERATIONS {
+        let kinematics = chain.kinematics(&q);
+        let error = target.difference::<D>(&kinematics.pose);
+        if error.norm() < 1e-12 {
+            return Some(q);
+        }
+        let inverse = right_inverse(&kinematics.task_jacobian::<D>(), MINIMUM_RECIPROCAL_CONDITION).ok()?;
+        let step = inverse.joint_velocity(&error);
+        q += step * (LONGEST_STEP_RAD / step.norm()).min(1.0);
+    }
+    let error = target.difference::<D>(&chain.kinematics(&q).pose);
+    (error.norm() < 1e-10).then_some(q)
+}
