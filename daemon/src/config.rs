@@ -16,6 +16,16 @@ config_enum! {
     }
 }
 
+config_enum! {
+    /// How the real-time thread waits for the next state sample.
+    pub enum Wait {
+        /// Blocks until the motion controller notifies: least processor time, slowest to wake.
+        Event = "event",
+        /// Blocks until shortly before the next sample is due, then spins.
+        Hybrid = "hybrid",
+    }
+}
+
 config_section! {
     /// The cycle.
     pub struct Control {
@@ -29,6 +39,10 @@ config_section! {
         answer_budget_s: f64, unit "s", range 0.00001..=0.1;
         /// An older sample is stale, and a silence of this length counts as one.
         max_sample_age_s: f64, unit "s", range 0.0001..=1.0;
+        /// How the real-time thread waits for the next sample.
+        wait: Wait = Wait::Hybrid;
+        /// With wait = "hybrid": how long before and after the instant at which a sample is due the thread spins.
+        spin_s: f64 = 0.0003, unit "s", range 0.00001..=0.01;
         /// Cycles in a row that the last plan may stand in for an answer.
         max_consecutive_fallbacks: u32 = 3, unit "cycles", range 0..=20;
         /// Whether the first valid sample without contact starts control.
@@ -43,6 +57,10 @@ fn answer_in_time(control: &Control, path: &str, errors: &mut Vec<ConfigError>) 
     if control.answer_budget_s > control.sampling_time_s {
         let accepted = format!("at most {path}.sampling_time_s = {} s", control.sampling_time_s);
         errors.push(ConfigError::new(format!("{path}.answer_budget_s"), control.answer_budget_s, accepted));
+    }
+    if control.spin_s > control.sampling_time_s / 2.0 {
+        let accepted = format!("at most half of {path}.sampling_time_s = {} s", control.sampling_time_s);
+        errors.push(ConfigError::new(format!("{path}.spin_s"), control.spin_s, accepted));
     }
     if control.max_sample_age_s < control.sampling_time_s {
         let accepted = format!("at least {path}.sampling_time_s = {} s", control.sampling_time_s);

@@ -1,6 +1,20 @@
-//! The shell.
+//! The daemon beside a motion controller: one robot, one real-time thread.
+//!
+//! The data path: `realtime_thread` receives a state sample → [`cycle`] turns it into the core's, steps the core, and turns
+//! the outcome into a command (`wire`) → `realtime_thread` publishes it, and a record to `service_thread` through `channel`.
+
+mod args;
+mod channel;
 pub mod clarabel_solver;
 pub mod config;
 pub mod cycle;
+mod instance_lock;
+mod log;
+mod notify;
 pub mod parameters;
+mod realtime_thread;
+mod service_thread;
+mod start;
 mod wire;
+
+pub use start::main_with_args;

@@ -2,8 +2,9 @@
 //!
 //! The data path: [`scenario`] → [`setup`] → [`plant`] ([`motion`] and [`playback`] give the joint reference, [`joint_loop`]
 //! follows it, [`environment`] pushes back, [`wrench_estimate`], [`noise`] and [`faults`] make the sample) → [`run`] in
-//! virtual time, or the real-time shell.
+//! virtual time, or `shell` in real time.
 
+mod args;
 pub mod environment;
 pub mod faults;
 pub mod joint_loop;
@@ -14,5 +15,8 @@ pub mod playback;
 pub mod run;
 pub mod scenario;
 pub mod setup;
+mod shell;
 pub mod summary;
 pub mod wrench_estimate;
+
+pub use shell::main_with_args;

@@ -1,1 +1,15 @@
-//! Support of the end-to-end tests.
+//! What the end-to-end tests share: the shipped binaries, a private place in shared memory, children that never outlive
+//! their test, and what a test needs beyond the Rust toolchain.
+//!
+//! Declare the [`PrivateIpc`] before the [`Child`]ren that use it: values are dropped in reverse order, and files must not
+//! be removed under a running program. Timeouts only end a test that hangs; no test asserts how fast something is.
+
+mod binaries;
+mod child;
+mod needs;
+mod private_ipc;
+
+pub use binaries::{Binaries, binaries};
+pub use child::{Child, PATIENCE, wait_until};
+pub use needs::{ICEORYX2_PYTHON_VERSION, Need, needs, python};
+pub use private_ipc::PrivateIpc;

@@ -19,6 +19,9 @@ pub struct Singular {
     pub reciprocal_condition: f64,
 }
 
+/// Largest ‖JX − I‖ (Frobenius) at which X counts as an inverse: far above rounding, far below 1, where X is none.
+const LARGEST_RESIDUAL: f64 = 1e-6;
+
 /// The right inverse of the task Jacobian J (D×N, D ≤ N), or how singular J is when its reciprocal condition number is
 /// below `minimum_reciprocal_condition`.
 ///
@@ -35,9 +38,12 @@ pub fn right_inverse<const N: usize, const D: usize>(
     let rough: SMatrix<f64, N, D> = transpose * gram_inverse;
     // JJᵀ squares the condition number; one Newton step X(2I − JX) gives the lost digits back.
     let matrix = rough * (SMatrix::<f64, D, D>::identity() * 2.0 - jacobian * rough);
-    let product = jacobian.norm() * matrix.norm();
-    let reciprocal_condition = if product.is_finite() { 1.0 / product } else { 0.0 };
-    if reciprocal_condition.is_finite() && reciprocal_condition >= minimum_reciprocal_condition {
+    // At a singular pose rounding makes JJᵀ invertible, and what comes out is short and wrong. A matrix X with JX = I is
+    // never shorter than 1/σ_min, so this check is what makes the condition number honest; NaN fails it too.
+    let residual = (jacobian * matrix - SMatrix::<f64, D, D>::identity()).norm();
+    let inverts = residual < LARGEST_RESIDUAL;
+    let reciprocal_condition = if inverts { 1.0 / (jacobian.norm() * matrix.norm()) } else { 0.0 };
+    if inverts && reciprocal_condition >= minimum_reciprocal_condition {
         Ok(InverseJacobian { matrix, reciprocal_condition })
     } else {
         Err(Singular { reciprocal_condition })

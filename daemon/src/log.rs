@@ -1,0 +1,132 @@
+//! What the log says of cycles: each change of mode, each kind of fault at most once a second with its count.
+
+use admittance_host::clock::monotonic_ns;
+use ipc_types::{Mode, Motion, Side, StopReason, Verdict};
+
+use crate::channel::CycleRecord;
+
+/// Least time in ns between two log lines about faults.
+const FAULT_INTERVAL_NS: u64 = 1_000_000_000;
+const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+#[derive(Debug, Default)]
+pub(crate) struct CycleLog {
+    last: Option<(u32, u32)>,
+    faults: u64,
+    fault: String,
+    logged_at: u64,
+    limited: u64,
+    dropped: u64,
+}
+
+fn mode_name(code: u32) -> &'static str {
+    Mode::from_code(code).map_or("unknown", Mode::name)
+}
+
+fn reason_name(code: u32) -> &'static str {
+    StopReason::from_code(code).map_or("unknown", StopReason::name)
+}
+
+impl CycleLog {
+    /// Takes note of a cycle.
+    pub(crate) fn cycle(&mut self, record: &CycleRecord) {
+        let state = (record.mode, record.stop_reason);
+        if self.last != Some(state) {
+            self.last = Some(state);
+            transition(record);
+        }
+        if let Some(fault) = &record.report.fault {
+            self.faults += 1;
+            self.fault = fault.to_string();
+        }
+        self.limited += u64::from(record.report.limited);
+    }
+
+    /// Logs what has gathered, if it is time.
+    pub(crate) fn flush(&mut self, dropped: u64) {
+        let now = monotonic_ns();
+        if now.saturating_sub(self.logged_at) < FAULT_INTERVAL_NS {
+            return;
+        }
+        if self.faults > 0 {
+            tracing::warn!(count = self.faults, "sample not used: {}", self.fault);
+        }
+        if self.limited > 0 {
+            tracing::warn!(count = self.limited, "the offset was cut to limits.velocity_offset after the law");
+        }
+        if dropped > self.dropped {
+            tracing::warn!(count = dropped - self.dropped, "cycle records dropped: the service thread was too slow");
+        }
+        if self.faults > 0 || self.limited > 0 || dropped > self.dropped {
+            self.logged_at = now;
+        }
+        (self.faults, self.limited, self.dropped) = (0, 0, dropped);
+    }
+}
+
+fn transition(record: &CycleRecord) {
+    let (mode, stop_reason) = (mode_name(record.mode), reason_name(record.stop_reason));
+    let why = explanation(record);
+    match Mode::from_code(record.mode) {
+        Some(Mode::Stopping | Mode::Stopped) => tracing::warn!(mode, stop_reason, "{mode}: {stop_reason}{why}"),
+        _ if record.stop_reason != StopReason::None.code() => {
+            tracing::warn!(mode, stop_reason, "{mode}: {stop_reason}{why}");
+        }
+        _ => tracing::info!(mode, stop_reason, "{mode}"),
+    }
+}
+
+/// What a person needs beside the reason's name.
+fn explanation(record: &CycleRecord) -> String {
+    match StopReason::from_code(record.stop_reason) {
+        Some(StopReason::Infeasible) if record.verdict == Verdict::Infeasible.code() => {
+            let axis = AXES.get(record.verdict_axis as usize).unwrap_or(&"?");
+            let side = if record.verdict_side == Side::Upper.code() { "upper" } else { "lower" };
+            format!(
+                ", the {side} limit on {axis} is missed by at least {:.1} N in {:.1} ms",
+                -record.verdict_margin,
+                record.verdict_time_s * 1e3
+            )
+        }
+        Some(StopReason::Singular) => record.report.singular.map_or_else(String::new, |singular| {
+            format!(
+                ", the Jacobian is not invertible at the measured pose: reciprocal condition {:.2e}, below \
+                 control.minimum_reciprocal_condition; move the arm away from the singularity",
+                singular.reciprocal_condition
+            )
+        }),
+        Some(StopReason::RateMismatch) => record.report.wrong_rate.map_or_else(String::new, |mean| {
+            format!(
+                ", samples come every {:.4} ms on average: set control.sampling_time_s to the controller's cycle",
+                mean * 1e3
+            )
+        }),
+        Some(StopReason::SampleStale | StopReason::SampleInvalid | StopReason::JointCount) => {
+            record.report.fault.map_or_else(String::new, |fault| format!(", {fault}"))
+        }
+        _ => String::new(),
+    }
+}
+
+/// "Stopped (Infeasible)".
+pub(crate) fn state_of(last: Option<&CycleRecord>) -> String {
+    let Some(last) = last else { return "Idle (no cycle yet)".to_owned() };
+    if last.stop_reason == StopReason::None.code() {
+        mode_name(last.mode).to_owned()
+    } else {
+        format!("{} ({})", mode_name(last.mode), reason_name(last.stop_reason))
+    }
+}
+
+/// One sentence about the daemon's state.
+pub(crate) fn status_sentence(last: Option<&CycleRecord>) -> String {
+    let Some(record) = last else { return "no state sample yet: waiting for the motion controller".to_owned() };
+    let mut text = state_of(last);
+    if record.motion == Motion::Hold.code() {
+        text += ", holding";
+    }
+    if record.verdict == Verdict::Feasible.code() {
+        text += &format!(", feasible with {:.1} N to spare", record.verdict_margin);
+    }
+    text + &explanation(record)
+}

@@ -1,0 +1,267 @@
+//! The real-time thread: wait for a state sample, answer it, publish the command.
+
+use std::mem::MaybeUninit;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::Sender;
+use std::time::Duration;
+
+use admittance_core::mode::Mode;
+use admittance_core::plan::nanoseconds;
+use admittance_host::clock::{monotonic_ns, sleep_until_ns};
+use admittance_host::exit::ExitCode;
+use admittance_host::realtime::{RealtimeSection, StepReport, apply_to_thread, lock_memory};
+use iceoryx2::prelude::ipc;
+use iceoryx2::sample_mut_uninit::SampleMutUninit;
+use ipc_types::services::{self, Access};
+use ipc_types::{
+    CommandSample, IpcSettings, Listener, Motion, Node, Notifier, Publisher, StateSample, StopReason, Subscriber,
+};
+
+use crate::channel::{CycleRecord, Order, RealtimeEnd, Reply};
+use crate::config::{Config, Wait};
+use crate::cycle::{Cycle, CycleReport};
+
+/// What the thread needs to begin.
+pub(crate) struct RealtimeThread {
+    pub(crate) settings: IpcSettings,
+    pub(crate) realtime: RealtimeSection,
+    pub(crate) timing: LoopTiming,
+    pub(crate) cycle: Box<dyn Cycle + Send>,
+    pub(crate) channel: RealtimeEnd,
+    pub(crate) boot_id: u64,
+}
+
+/// Times of the loop, in ns.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LoopTiming {
+    answer_budget: u64,
+    max_sample_age: u64,
+    sampling_time: u64,
+    /// How long to spin before and after a sample is due; 0 never.
+    spin: u64,
+}
+
+impl LoopTiming {
+    pub(crate) fn of(config: &Config) -> Self {
+        Self {
+            answer_budget: nanoseconds(config.control.answer_budget_s),
+            max_sample_age: nanoseconds(config.control.max_sample_age_s),
+            sampling_time: nanoseconds(config.control.sampling_time_s),
+            spin: match config.control.wait {
+                Wait::Event => 0,
+                Wait::Hybrid => nanoseconds(config.control.spin_s),
+            },
+        }
+    }
+}
+
+/// Shared memory for one command, not yet written.
+type Slot = SampleMutUninit<ipc::Service, MaybeUninit<CommandSample>, ()>;
+
+/// The thread's set-up: what was done, or why it cannot begin.
+pub(crate) type Started = Result<Vec<StepReport>, (ExitCode, String)>;
+
+/// Ports of the thread. They cannot move to another thread, so they are made where they are used; the node goes last.
+struct Ports {
+    states: Subscriber<StateSample>,
+    arrivals: Listener,
+    commands: Publisher<CommandSample>,
+    answered: Notifier,
+    _node: Node,
+}
+
+impl Ports {
+    fn open(settings: &IpcSettings) -> Result<Self, String> {
+        let text = |error: &dyn std::fmt::Display| error.to_string();
+        let node = settings.node("admittanced real-time").map_err(|e| text(&e))?;
+        let instance = &settings.instance;
+        let create = Access::OpenOrCreate;
+        let state = services::state(&node, instance, create).map_err(|e| text(&e))?;
+        let state_arrival = services::state_arrival(&node, instance, create).map_err(|e| text(&e))?;
+        let command = services::command(&node, instance, create).map_err(|e| text(&e))?;
+        let command_arrival = services::command_arrival(&node, instance, create).map_err(|e| text(&e))?;
+        Ok(Self {
+            states: state.subscriber().map_err(|e| text(&e))?,
+            arrivals: state_arrival.listener().map_err(|e| text(&e))?,
+            commands: command.publisher().map_err(|e| text(&e))?,
+            answered: command_arrival.notifier().map_err(|e| text(&e))?,
+            _node: node,
+        })
+    }
+}
+
+impl RealtimeThread {
+    /// The thread's body: opens the ports, goes real-time, tells `started`, and answers samples until it is stopped.
+    pub(crate) fn run(self, started: &Sender<Started>) -> ExitCode {
+        // A dropped receiver means that the process is ending already.
+        let tell = |outcome: Started| drop(started.send(outcome));
+        let ports = match Ports::open(&self.settings) {
+            Ok(ports) => ports,
+            Err(why) => {
+                tell(Err((ExitCode::Unavailable, why)));
+                return ExitCode::Unavailable;
+            }
+        };
+        let mut reports = vec![lock_memory(&self.realtime)];
+        reports.extend(apply_to_thread(&self.realtime));
+        tell(Ok(reports));
+        let mut cycle_loop = Loop {
+            ports: &ports,
+            timing: self.timing,
+            cycle: self.cycle,
+            channel: self.channel,
+            command: CommandSample { boot_id: self.boot_id, ..CommandSample::zeroed() },
+            last_stamp: 0,
+            late: 0,
+            stopping: false,
+        };
+        match catch_unwind(AssertUnwindSafe(|| cycle_loop.run())) {
+            Ok(()) => ExitCode::Ok,
+            Err(_) => {
+                // The panic hook has said what happened; the arm must not go on with the last offset.
+                let mut command = cycle_loop.command;
+                hold(&mut command);
+                if let Ok(slot) = ports.commands.loan_uninit() {
+                    let _ = slot.write_payload(command).send();
+                    let _ = ports.answered.notify();
+                }
+                ExitCode::Internal
+            }
+        }
+    }
+}
+
+/// Turns a command into the last one of a thread that failed.
+fn hold(command: &mut CommandSample) {
+    command.sequence += 1;
+    command.stamp_ns = monotonic_ns();
+    command.motion = Motion::Hold.code();
+    command.mode = ipc_types::Mode::Stopped.code();
+    command.stop_reason = StopReason::InternalError.code();
+    command.velocity_offset = [0.0; ipc_types::TASK_AXES];
+    command.joint_velocity_offset = [0.0; ipc_types::MAX_JOINTS];
+    command.twist_command = [0.0; ipc_types::TASK_AXES];
+    command.plan_length = 0;
+}
+
+struct Loop<'a> {
+    ports: &'a Ports,
+    timing: LoopTiming,
+    cycle: Box<dyn Cycle + Send>,
+    channel: RealtimeEnd,
+    /// The last command.
+    command: CommandSample,
+    /// Stamp of the last sample in ns.
+    last_stamp: u64,
+    /// Answers published after their deadline.
+    late: u64,
+    stopping: bool,
+}
+
+impl Loop<'_> {
+    fn run(&mut self) {
+        // Loaning allocates: the slot for the next command is loaned in the slack after the last.
+        let mut slot = self.ports.commands.loan_uninit().ok();
+        let mut last_event = monotonic_ns();
+        loop {
+            self.channel.progress.turn();
+            self.obey();
+            if self.stopping && matches!(self.cycle.mode(), Mode::Idle | Mode::Stopped) {
+                return;
+            }
+            let sample = self.ports.states.receive().ok().flatten();
+            let received = monotonic_ns();
+            let (report, wrench) = if let Some(state) = sample {
+                let deadline = state.stamp_ns.saturating_add(self.timing.answer_budget);
+                let report = self.cycle.answer(&state, received, &mut || monotonic_ns() >= deadline, &mut self.command);
+                // What is not on this clock tells nothing about the next sample.
+                self.last_stamp = state.stamp_ns.min(received);
+                (report, state.wrench)
+            } else {
+                if received.saturating_sub(last_event) < self.timing.max_sample_age {
+                    self.wait(received, last_event);
+                    continue;
+                }
+                (self.cycle.silence(received, &mut self.command), [f64::NAN; ipc_types::TASK_AXES])
+            };
+            last_event = received;
+            self.publish(slot.take(), received);
+            slot = self.ports.commands.loan_uninit().ok();
+            self.record(report, wrench);
+        }
+    }
+
+    /// Waits for the next sample, or until a silence has lasted long enough to be one.
+    ///
+    /// A sample is due one sampling time after the stamp of the last one: on the controller's own clock, so that a sample
+    /// that came late does not shift the next. Around that instant the thread spins; a blocked thread wakes far later.
+    fn wait(&self, now: u64, last_event: u64) {
+        let due = self.last_stamp.saturating_add(self.timing.sampling_time);
+        let (from, to) = (due.saturating_sub(self.timing.spin), due.saturating_add(self.timing.spin));
+        if self.timing.spin > 0 && now < from {
+            sleep_until_ns(from);
+        } else if self.timing.spin > 0 && now < to {
+            std::hint::spin_loop();
+        } else {
+            let timeout = Duration::from_nanos(self.timing.max_sample_age.saturating_sub(now - last_event));
+            // A wait that fails ends as a silence.
+            let _ = self.ports.arrivals.timed_wait(|_| {}, timeout);
+        }
+    }
+
+    fn publish(
+        &mut self,
+        slot: Option<
+            iceoryx2::sample_mut_uninit::SampleMutUninit<
+                iceoryx2::prelude::ipc::Service,
+                std::mem::MaybeUninit<CommandSample>,
+                (),
+            >,
+        >,
+        received: u64,
+    ) {
+        let Some(slot) = slot else { return };
+        let now = monotonic_ns();
+        let late = now > self.command.state_stamp_ns.saturating_add(self.timing.answer_budget);
+        self.late += u64::from(late && self.command.state_stamp_ns > 0);
+        self.command.sequence += 1;
+        self.command.stamp_ns = now;
+        self.command.compute_time_ns = now.saturating_sub(received);
+        self.command.late_count = self.late;
+        // Nobody may be listening yet: that is no failure.
+        let _ = slot.write_payload(self.command).send();
+        let _ = self.ports.answered.notify();
+    }
+
+    fn record(&mut self, report: CycleReport, wrench: [f64; ipc_types::TASK_AXES]) {
+        if self.channel.records.push(CycleRecord::new(&self.command, report, wrench)).is_err() {
+            self.channel.progress.drop_record();
+        }
+    }
+
+    fn obey(&mut self) {
+        while let Ok(order) = self.channel.orders.pop() {
+            let reply = match order {
+                Order::Stop(reason) => {
+                    self.cycle.request_stop(reason);
+                    self.stopping = true;
+                    continue;
+                }
+                Order::Reset { force } => Reply::Reset(self.cycle.reset(force)),
+                Order::Replace(mut new) => {
+                    let refused = match self.cycle.mode() {
+                        Mode::Contact | Mode::Stopping => Some("the arm is in contact"),
+                        _ if new.take_over(&*self.cycle) => None,
+                        _ => Some("the arm is another one"),
+                    };
+                    if refused.is_none() {
+                        std::mem::swap(&mut self.cycle, &mut new);
+                    }
+                    Reply::Replaced { unused: new, refused }
+                }
+            };
+            // As many replies fit as orders: a full ring means that the service thread is gone.
+            let _ = self.channel.replies.push(reply);
+        }
+    }
+}

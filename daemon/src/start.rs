@@ -1,0 +1,141 @@
+//! From the command line to two running threads, and to an exit code.
+
+use std::ffi::OsString;
+use std::sync::mpsc;
+
+use admittance_host::clock::monotonic_ns;
+use admittance_host::config::LoadError;
+use admittance_host::exit::ExitCode;
+use admittance_host::realtime::{StepOutcome, StepReport};
+use admittance_host::{config, cpu, logging};
+
+use crate::args::{Args, Invocation};
+use crate::channel::channel;
+use crate::config::Config;
+use crate::realtime_thread::{LoopTiming, RealtimeThread};
+use crate::service_thread::ServiceThread;
+use crate::{args, cycle, instance_lock};
+
+/// Free space in /dev/shm that the services need with room to spare: running out later is a SIGBUS, not an error.
+const SHARED_MEMORY_BYTES: u64 = 16 << 20;
+/// Stack of the real-time thread: the core keeps its horizon-sized data elsewhere, Clarabel its own on the heap.
+const STACK_BYTES: usize = 2 << 20;
+
+/// Runs the daemon with these arguments (without the program's name) and says how it ended.
+pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
+    // Before anything else: what follows may use instructions that this processor lacks.
+    if let Some(feature) = cpu::missing_cpu_feature() {
+        eprintln!(
+            "admittanced: this processor lacks {feature}, which this build needs (x86-64-v3): build for this machine"
+        );
+        return ExitCode::Unavailable;
+    }
+    let args = match args::parse(arguments) {
+        Ok(Invocation::Run(args)) => args,
+        Ok(Invocation::Print(text)) => {
+            print!("{text}");
+            return ExitCode::Ok;
+        }
+        Err(why) => {
+            eprintln!("admittanced: {why}\n\n{}", args::HELP);
+            return ExitCode::Usage;
+        }
+    };
+    match run(args) {
+        Ok(code) => code,
+        Err((code, why)) => {
+            eprintln!("admittanced: {why}");
+            code
+        }
+    }
+}
+
+fn run(args: Args) -> Result<ExitCode, (ExitCode, String)> {
+    logging::init().map_err(|why| (ExitCode::Usage, why))?;
+    ipc_types::quiet_iceoryx2();
+    let config: Config = config::load(&args.config).map_err(|error| {
+        let code = match error {
+            LoadError::Read { .. } => ExitCode::NoInput,
+            LoadError::Config(_) => ExitCode::Config,
+        };
+        (code, error.to_string())
+    })?;
+    let settings = config
+        .ipc
+        .settings(args.instance.as_deref(), args.root_path, args.prefix)
+        .map_err(|why| (ExitCode::Config, why))?;
+    check_shared_memory()?;
+    let _lock = instance_lock::take(&settings)?;
+    let controller = cycle::build(&config).map_err(|why| (ExitCode::Config, why))?;
+    tracing::info!(
+        instance = settings.instance.as_str(),
+        "admittanced {} for {} at {:.6} s per cycle",
+        env!("CARGO_PKG_VERSION"),
+        config.robot.name,
+        config.control.sampling_time_s
+    );
+
+    let (realtime_end, service_end) = channel();
+    let thread = RealtimeThread {
+        settings: settings.clone(),
+        realtime: config.realtime.clone(),
+        timing: LoopTiming::of(&config),
+        cycle: controller,
+        channel: realtime_end,
+        boot_id: (monotonic_ns() ^ u64::from(std::process::id()) << 32) | 1,
+    };
+    let (started, start) = mpsc::channel();
+    let handle = std::thread::Builder::new()
+        .name("real-time".to_owned())
+        .stack_size(STACK_BYTES)
+        .spawn(move || thread.run(&started))
+        .map_err(|error| (ExitCode::Unavailable, format!("the real-time thread cannot be started: {error}")))?;
+    let reports = start.recv().map_err(|_| (ExitCode::Internal, "the real-time thread ended at once".to_owned()))??;
+    report(&reports, config.realtime.require_realtime)?;
+
+    let node = settings.node("admittanced service").map_err(|error| (ExitCode::Unavailable, error.to_string()))?;
+    let mut service = ServiceThread::open(node, &settings.instance, service_end, args.config, config)
+        .map_err(|why| (ExitCode::Unavailable, why))?;
+    service.run(|| handle.is_finished());
+    let code = handle.join().unwrap_or(ExitCode::Internal);
+    if code == ExitCode::Internal {
+        return Err((code, "the real-time thread failed; the last command was Hold".to_owned()));
+    }
+    tracing::info!("ended");
+    Ok(code)
+}
+
+/// Logs what the real-time set-up achieved.
+fn report(reports: &[StepReport], required: bool) -> Result<(), (ExitCode, String)> {
+    for report in reports {
+        match &report.outcome {
+            StepOutcome::Done => tracing::info!("real time: {}: done", report.step),
+            StepOutcome::NotRequested => tracing::info!("real time: {}: not asked for", report.step),
+            StepOutcome::Refused(why) if required => {
+                let text = format!("realtime.require_realtime: {} was refused: {why}", report.step);
+                return Err((ExitCode::NoPermission, text));
+            }
+            StepOutcome::Refused(why) => tracing::warn!("real time: {}: refused: {why}", report.step),
+        }
+    }
+    Ok(())
+}
+
+fn check_shared_memory() -> Result<(), (ExitCode, String)> {
+    // SAFETY: an all-zero statvfs is a valid value, the path ends in a zero byte, and the call only writes to `status`.
+    let status = unsafe {
+        let mut status: libc::statvfs = std::mem::zeroed();
+        (libc::statvfs(c"/dev/shm".as_ptr(), &raw mut status) == 0).then_some(status)
+    };
+    let Some(status) = status else {
+        return Err((ExitCode::Unavailable, "/dev/shm is not mounted: shared memory needs it".to_owned()));
+    };
+    let free = status.f_bavail * status.f_frsize;
+    if free < SHARED_MEMORY_BYTES {
+        let text = format!(
+            "/dev/shm has {free} bytes free, accepted: at least {SHARED_MEMORY_BYTES}: free some, or enlarge it"
+        );
+        return Err((ExitCode::Unavailable, text));
+    }
+    Ok(())
+}

@@ -1,0 +1,194 @@
+//! The plant in real time: sample at nominal instants, publish, wait for the answer, publish the truth, integrate.
+
+use std::ffi::OsString;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use admittance_host::clock::{monotonic_ns, sleep_then_spin_until_ns, sleep_until_ns};
+use admittance_host::config::{self, LoadError};
+use admittance_host::exit::ExitCode;
+use admittance_host::realtime::{StepOutcome, apply_to_thread, lock_memory};
+use admittance_host::{cpu, logging};
+use ipc_types::services::{self, Access};
+use ipc_types::{CommandSample, IpcSettings, Node, Notifier, Publisher, StateSample, Subscriber, TruthSample};
+
+use crate::args::{self, Args, Invocation};
+use crate::plant::CycleTiming;
+use crate::run::{AnyPlant, any_plant};
+use crate::scenario::Scenario;
+use crate::summary::Summary;
+
+/// Before each sample the plant stops sleeping and spins, so that it publishes at the nominal instant.
+const SPIN_NS: u64 = 150_000;
+/// Before each sample it stops looking for answers, to integrate.
+const INTEGRATION_NS: u64 = 400_000;
+/// Between two looks for an answer that is late already.
+const LATE_POLL_NS: u64 = 30_000;
+
+/// Ports; the node goes last.
+struct Ports {
+    states: Publisher<StateSample>,
+    arrived: Notifier,
+    commands: Subscriber<CommandSample>,
+    truths: Publisher<TruthSample>,
+    _node: Node,
+}
+
+impl Ports {
+    fn open(settings: &IpcSettings) -> Result<Self, String> {
+        let node = settings.node("plant-sim").map_err(|error| error.to_string())?;
+        let text = |error: &dyn std::fmt::Display| error.to_string();
+        let (instance, create) = (&settings.instance, Access::OpenOrCreate);
+        let state = services::state(&node, instance, create).map_err(|e| text(&e))?;
+        let arrival = services::state_arrival(&node, instance, create).map_err(|e| text(&e))?;
+        let command = services::command(&node, instance, create).map_err(|e| text(&e))?;
+        let truth = services::truth(&node, instance, create).map_err(|e| text(&e))?;
+        Ok(Self {
+            states: state.publisher().map_err(|e| text(&e))?,
+            arrived: arrival.notifier().map_err(|e| text(&e))?,
+            commands: command.subscriber().map_err(|e| text(&e))?,
+            truths: truth.publisher().map_err(|e| text(&e))?,
+            _node: node,
+        })
+    }
+}
+
+/// Runs the plant with these arguments (without the program's name) and says how it ended.
+pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
+    if let Some(feature) = cpu::missing_cpu_feature() {
+        eprintln!(
+            "plant-sim: this processor lacks {feature}, which this build needs (x86-64-v3): build for this machine"
+        );
+        return ExitCode::Unavailable;
+    }
+    let args = match args::parse(arguments) {
+        Ok(Invocation::Run(args)) => args,
+        Ok(Invocation::Print(text)) => {
+            print!("{text}");
+            return ExitCode::Ok;
+        }
+        Err(why) => {
+            eprintln!("plant-sim: {why}\n\n{}", args::HELP);
+            return ExitCode::Usage;
+        }
+    };
+    match run(args) {
+        Ok(()) => ExitCode::Ok,
+        Err((code, why)) => {
+            eprintln!("plant-sim: {why}");
+            code
+        }
+    }
+}
+
+fn run(args: Args) -> Result<(), (ExitCode, String)> {
+    logging::init().map_err(|why| (ExitCode::Usage, why))?;
+    ipc_types::quiet_iceoryx2();
+    let scenario: Scenario = config::load(&args.scenario).map_err(|error| {
+        let code = match error {
+            LoadError::Read { .. } => ExitCode::NoInput,
+            LoadError::Config(_) => ExitCode::Config,
+        };
+        (code, error.to_string())
+    })?;
+    let settings = scenario
+        .ipc
+        .settings(args.instance.as_deref(), args.root_path, args.prefix)
+        .map_err(|why| (ExitCode::Config, why))?;
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
+        signal_hook::flag::register(signal, Arc::clone(&stop))
+            .map_err(|error| (ExitCode::Unavailable, format!("signal handlers: {error}")))?;
+    }
+    let ports = Ports::open(&settings).map_err(|why| (ExitCode::Unavailable, why))?;
+    let mut reports = vec![lock_memory(&scenario.realtime)];
+    reports.extend(apply_to_thread(&scenario.realtime));
+    for report in reports {
+        if let StepOutcome::Refused(why) = report.outcome {
+            if scenario.realtime.require_realtime {
+                return Err((ExitCode::NoPermission, format!("{} was refused: {why}", report.step)));
+            }
+            tracing::warn!("real time: {}: refused: {why}", report.step);
+        }
+    }
+    tracing::info!("plant-sim {}: scenario \"{}\", waiting for admittanced", env!("CARGO_PKG_VERSION"), scenario.name);
+
+    let first = monotonic_ns() + 10_000_000;
+    let boot_id = (first ^ u64::from(std::process::id()) << 32) | 1;
+    let mut plant =
+        any_plant(&scenario, first, boot_id, true).map_err(|error| (ExitCode::Config, error.to_string()))?;
+    let sampling_time = (scenario.timing.sampling_time_s * 1e9).round() as u64;
+    let delay = (scenario.timing.command_delay_s * 1e9).round() as u64;
+    let patience = first + (args.controller_timeout_s * 1e9) as u64;
+    let mut summary = Summary::of_scenario(&scenario);
+    while !plant.is_finished() && !stop.load(Ordering::Relaxed) {
+        let timing = cycle(&ports, &mut *plant, sampling_time, delay);
+        let truth = plant.settle(timing);
+        if let Ok(slot) = ports.truths.loan_uninit() {
+            // Nobody may be watching: that is no failure.
+            let _ = slot.write_payload(truth).send();
+        }
+        summary.add(&truth);
+        plant.integrate();
+        if plant.met_singularity() {
+            return Err((
+                ExitCode::Config,
+                "the arm met a pose at which its Jacobian has no inverse: change the scenario's motion".to_owned(),
+            ));
+        }
+        if !plant.has_received() && monotonic_ns() > patience {
+            let text = format!(
+                "no command on admittanced/{}/command within {} s: is admittanced running with this instance, root path and prefix?",
+                settings.instance, args.controller_timeout_s
+            );
+            return Err((ExitCode::Unavailable, text));
+        }
+    }
+    tracing::info!(
+        "{}: peak |f_y| {:.1} N, contact losses {}, settled |f_y| {:.1} N, {} cycles, {} missed",
+        scenario.name,
+        summary.peak_force_y_n,
+        summary.contact_losses,
+        summary.settled_force_y_n(),
+        summary.cycles,
+        summary.missed_samples
+    );
+    Ok(())
+}
+
+/// Publishes the current sample at its instant and waits for its answer.
+fn cycle(ports: &Ports, plant: &mut dyn AnyPlant, sampling_time: u64, delay: u64) -> CycleTiming {
+    let stamp = plant.now_ns();
+    let slot = ports.states.loan_uninit();
+    sleep_then_spin_until_ns(stamp, SPIN_NS);
+    let lateness_ns = monotonic_ns().saturating_sub(stamp);
+    if plant.publishes()
+        && let Ok(slot) = slot
+    {
+        // A send without subscribers is no failure: the daemon may not run yet.
+        let _ = slot.write_payload(*plant.sample()).send();
+        let _ = ports.arrived.notify();
+    }
+    let give_up = stamp + sampling_time - INTEGRATION_NS.min(sampling_time / 2);
+    loop {
+        if let Ok(Some(command)) = ports.commands.receive() {
+            let visible = monotonic_ns();
+            match plant.receive(&command, visible) {
+                Ok(_) if command.state_sequence == plant.sample().sequence => {
+                    return CycleTiming { answer_time_ns: visible.saturating_sub(stamp), lateness_ns };
+                }
+                Ok(_) => {}
+                Err(rejection) => tracing::warn!("command not accepted: {rejection}"),
+            }
+        }
+        let now = monotonic_ns();
+        if now >= give_up {
+            return CycleTiming { answer_time_ns: 0, lateness_ns };
+        }
+        if now > stamp + delay {
+            sleep_until_ns((now + LATE_POLL_NS).min(give_up));
+        } else {
+            std::hint::spin_loop();
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! What a test needs beyond the Rust toolchain.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+/// The version of the Python package that the wire contract is tested with: that of the crate.
+pub const ICEORYX2_PYTHON_VERSION: &str = "0.10.0";
+
+const REQUIRE: &str = "ADMITTANCE_TESTS_REQUIRE";
+const PYTHON: &str = "ADMITTANCE_PYTHON";
+
+/// Something that not every machine has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Need {
+    /// A Python 3 that imports iceoryx2 of [`ICEORYX2_PYTHON_VERSION`]: see [`python`].
+    Python,
+    /// Effective user id 0.
+    Root,
+    /// systemd and the means (root, namespaces) to run one apart from the machine's own.
+    Systemd,
+    /// strace, and the permission to trace.
+    Strace,
+}
+
+/// Whether the machine has what a test needs. If not, says `SKIPPED: reason`, and the test returns:
+/// `if !needs(Need::Root) { return; }`.
+///
+/// # Panics
+/// With `ADMITTANCE_TESTS_REQUIRE=all` a need that is not met fails the test.
+#[must_use]
+#[track_caller]
+pub fn needs(need: Need) -> bool {
+    let required = std::env::var(REQUIRE).ok();
+    match reason_to_skip(required.as_deref(), need, look_for(need)) {
+        Ok(None) => true,
+        Ok(Some(reason)) => {
+            let test = std::thread::current().name().unwrap_or("test").to_owned();
+            // Not eprintln!: the harness shows that of failing tests only. A closed stderr is no reason to fail.
+            let _ = writeln!(std::io::stderr(), "SKIPPED: {reason} ({test})");
+            false
+        }
+        Err(failure) => panic!("{failure}"),
+    }
+}
+
+/// The interpreter of [`Need::Python`]: the first of `ADMITTANCE_PYTHON`, the one that `.ci/run` installs, and `python3` that
+/// has the package; `ADMITTANCE_PYTHON`, when set, is the only one looked at.
+pub fn python() -> Option<PathBuf> {
+    find_python().as_ref().ok().cloned()
+}
+
+fn reason_to_skip(required: Option<&str>, need: Need, found: Result<(), String>) -> Result<Option<String>, String> {
+    let all = match required {
+        None | Some("") => false,
+        Some("all") => true,
+        Some(other) => return Err(format!("{REQUIRE} = \"{other}\": accepted is \"all\", or nothing")),
+    };
+    match found {
+        Ok(()) => Ok(None),
+        Err(reason) if all => Err(format!("this test needs {need:?}, and {REQUIRE}=all forbids to skip it: {reason}")),
+        Err(reason) => Ok(Some(reason)),
+    }
+}
+
+fn look_for(need: Need) -> Result<(), String> {
+    match need {
+        Need::Python => find_python().as_ref().map(|_| ()).map_err(Clone::clone),
+        Need::Root => root(),
+        Need::Systemd => root().and_then(|()| systemd()),
+        Need::Strace => run("strace", &["-o", "/dev/null", "true"]),
+    }
+}
+
+fn root() -> Result<(), String> {
+    // SAFETY: geteuid takes nothing, cannot fail and touches no memory.
+    match unsafe { libc::geteuid() } {
+        0 => Ok(()),
+        user => Err(format!("needs root, runs as user {user}")),
+    }
+}
+
+fn systemd() -> Result<(), String> {
+    let path = "/lib/systemd/systemd";
+    if !Path::new(path).exists() {
+        return Err(format!("there is no {path}"));
+    }
+    run("nsenter", &["--version"])?;
+    run("unshare", &["--fork", "--pid", "--mount", "--uts", "--ipc", "--cgroup", "--mount-proc", "true"])
+}
+
+fn find_python() -> &'static Result<PathBuf, String> {
+    static FOUND: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    FOUND.get_or_init(|| {
+        let candidates = match std::env::var_os(PYTHON).filter(|path| !path.is_empty()) {
+            Some(path) => vec![PathBuf::from(path)],
+            None => installed_by_ci().into_iter().chain([PathBuf::from("python3")]).collect(),
+        };
+        let script = format!(
+            "import importlib.metadata as m, iceoryx2; v = m.version('iceoryx2'); \
+             assert v == '{ICEORYX2_PYTHON_VERSION}', 'iceoryx2 ' + v"
+        );
+        let mut reasons = Vec::new();
+        for candidate in candidates {
+            match run(&candidate.to_string_lossy(), &["-c", &script]) {
+                Ok(()) => return Ok(candidate),
+                Err(reason) => reasons.push(reason),
+            }
+        }
+        Err(format!("no Python with iceoryx2 {ICEORYX2_PYTHON_VERSION}: {}", reasons.join("; ")))
+    })
+}
+
+/// Where `.ci/run` keeps its Python.
+fn installed_by_ci() -> Option<PathBuf> {
+    let cache = std::env::var_os("XDG_CACHE_HOME").filter(|path| !path.is_empty()).map(PathBuf::from);
+    let cache = cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")))?;
+    Some(cache.join("admittanced-ci/python/bin/python3")).filter(|path| path.exists())
+}
+
+/// Runs a program to see whether it works; the error names it and ends with the last line that it wrote to stderr.
+fn run(program: &str, arguments: &[&str]) -> Result<(), String> {
+    let output = Command::new(program).args(arguments).stdin(Stdio::null()).output();
+    let output = output.map_err(|error| format!("{program} does not run: {error}"))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let text = String::from_utf8_lossy(&output.stderr);
+    Err(format!("{program} does not work here ({}): {}", output.status, text.lines().last().unwrap_or("")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_need_that_is_not_met_skips_or_fails_as_the_environment_says() {
+        let missing = || Err("no such tool".to_owned());
+        assert_eq!(reason_to_skip(None, Need::Strace, Ok(())), Ok(None));
+        assert_eq!(reason_to_skip(Some("all"), Need::Strace, Ok(())), Ok(None));
+        assert_eq!(reason_to_skip(None, Need::Strace, missing()), Ok(Some("no such tool".to_owned())));
+        assert_eq!(reason_to_skip(Some(""), Need::Strace, missing()), Ok(Some("no such tool".to_owned())));
+        let failure = reason_to_skip(Some("all"), Need::Strace, missing()).expect_err("all is required");
+        assert!(failure.contains("Strace") && failure.contains("no such tool"), "{failure}");
+        let failure = reason_to_skip(Some("most"), Need::Strace, Ok(())).expect_err("not a value");
+        assert!(failure.contains("\"most\"") && failure.contains("\"all\""), "{failure}");
+    }
+
+    #[test]
+    fn a_program_that_fails_or_is_missing_is_named_with_its_last_words() {
+        assert_eq!(run("sh", &["-c", "exit 0"]), Ok(()));
+        let failure = run("sh", &["-c", "echo first >&2; echo last >&2; exit 3"]).expect_err("it failed");
+        assert!(failure.starts_with("sh does not work here") && failure.ends_with("last"), "{failure}");
+        let failure = run("/no/such/program", &[]).expect_err("it is missing");
+        assert!(failure.starts_with("/no/such/program does not run"), "{failure}");
+    }
+
+    #[test]
+    fn the_interpreter_is_named_exactly_when_the_need_is_met() {
+        assert_eq!(look_for(Need::Python).is_ok(), python().is_some());
+    }
+}
