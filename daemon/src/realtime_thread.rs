@@ -185,9 +185,12 @@ impl Loop<'_> {
                 (self.cycle.silence(received, &mut self.command), [f64::NAN; ipc_types::TASK_AXES])
             };
             last_event = received;
-            self.publish(slot.take(), received);
-            slot = self.ports.commands.loan_uninit().ok();
-            self.record(report, wrench);
+            // Before the first sample there is nothing to answer.
+            if self.command.state_sequence > 0 {
+                self.publish(slot.take(), received);
+                slot = self.ports.commands.loan_uninit().ok();
+                self.record(report, wrench);
+            }
         }
     }
 
@@ -209,17 +212,7 @@ impl Loop<'_> {
         }
     }
 
-    fn publish(
-        &mut self,
-        slot: Option<
-            iceoryx2::sample_mut_uninit::SampleMutUninit<
-                iceoryx2::prelude::ipc::Service,
-                std::mem::MaybeUninit<CommandSample>,
-                (),
-            >,
-        >,
-        received: u64,
-    ) {
+    fn publish(&mut self, slot: Option<Slot>, received: u64) {
         let Some(slot) = slot else { return };
         let now = monotonic_ns();
         let late = now > self.command.state_stamp_ns.saturating_add(self.timing.answer_budget);

@@ -196,7 +196,7 @@ fn every_key_is_driven_through_every_mistake() {
     expected("control.surface[0][0]", MutationKind::NotANumber, "nan");
     expected("control.laws[0]", MutationKind::NotAChoice, "\"none_of_these\"");
     expected("robot.joint[0].length_m", MutationKind::Missing, "");
-    expected("robot.joint", MutationKind::TooShort, "0 tables");
+    expected("robot.joint", MutationKind::TooShort, "[]");
     expected("robot.joint[0].time_constant_s", MutationKind::Infinite, "inf");
     expected("noise.deviation_n", MutationKind::Missing, "");
     expected("cell", MutationKind::TooShort, "\"x\"");
@@ -216,10 +216,46 @@ fn verify_refuses_an_outcome_that_does_not_fit() {
     for mutation in &all {
         let fits_valid = mutation.kind == MutationKind::Omitted;
         assert_eq!(mutation.verify(&valid).is_ok(), fits_valid, "{mutation:?}");
-        let is_law = mutation.key == "control.law" && mutation.kind == MutationKind::WrongType;
-        // The value differs: the mutation writes `true`.
-        assert!(mutation.verify(&other).is_err(), "{mutation:?} {is_law}");
+        // It has an error of control.law's type and of a misspelt horizon too, but with another value and another key.
+        assert!(mutation.verify(&other).is_err(), "{mutation:?}");
     }
+}
+
+config_section! {
+    /// A section with mistakes in its declaration.
+    pub struct Misdeclared {
+        /// A default that its own range does not accept.
+        speed_m_s: f64 = 2.0, unit "m/s", range 0.0..=1.0;
+        /// A list with such a default.
+        angles_rad: [f64; 2] = [0.0, 4.0], unit "rad", range -3.2..=3.2;
+        /// A number without a unit.
+        count: u32 = 1;
+        /// A key that another one needs, though it has a default.
+        noise: Option<Noise>;
+    }
+    cross_check count_two_needs_noise;
+}
+
+fn count_two_needs_noise(section: &Misdeclared, _: &str, errors: &mut Vec<ConfigError>) {
+    if section.count == 2 && section.noise.is_none() {
+        errors.push(ConfigError::new("count", 2, "1, or a [noise]"));
+    }
+}
+
+#[test]
+fn mistakes_of_a_declaration_are_found() {
+    let text = "speed_m_s = 0.5\nangles_rad = [1.0, 1.0]\ncount = 2\nnoise.deviation_n = 1.0";
+    let failures = check_every_key::<Misdeclared>(text).unwrap_err();
+    assert_eq!(
+        failures,
+        [
+            "speed_m_s: default: default = 2.0: accepted: 0 to 1 m/s",
+            "angles_rad: default: default[1] = 4.0: accepted: -3.2 to 3.2 rad",
+            "count: a number without a unit (\"1\" if it has no dimension)",
+        ],
+        "and nothing about noise, which only a rule between keys needs"
+    );
+    assert_eq!(check_every_key::<Misdeclared>("count = 2").unwrap_err().len(), 1, "not valid to begin with");
 }
 
 #[test]
@@ -318,6 +354,16 @@ fn a_struct_built_in_code_is_checked_the_same() {
             "noise.deviation_n = -0.5: accepted: 0 to 10 N",
         ]
     );
+
+    // The cross-check reads weights[0]: it must not run on an empty list.
+    let mut empty = parse::<Config>(VALID, "").unwrap().control;
+    empty.weights.clear();
+    let mut errors = Vec::new();
+    empty.check("control", &mut errors);
+    assert_eq!(errors.len(), 1);
+    empty.weights.push(700.0);
+    empty.check("control", &mut errors);
+    assert_eq!(errors[1].to_string(), "control.weights[0] = 700: accepted: at most 600");
 
     let mut of_section = Vec::new();
     Control { horizon: 0, ..parse::<Config>(VALID, "").unwrap().control }.check("spare", &mut of_section);

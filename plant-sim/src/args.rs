@@ -14,6 +14,7 @@ Options:
   --root-path DIR         directory of the services' files; overrides ipc.root_path
   --prefix TEXT           start of shared-memory names; overrides ipc.prefix
   --controller-timeout S  seconds to wait for the first command (default 10)
+  --quiet                 log warnings and errors only
   --help, --version
 
 Motion starts once admittanced answers. Exit codes: 0 the scenario ended, or a signal did; 64 usage, 66 no such file,
@@ -29,6 +30,7 @@ pub(crate) struct Args {
     pub(crate) root_path: Option<PathBuf>,
     pub(crate) prefix: Option<String>,
     pub(crate) controller_timeout_s: f64,
+    pub(crate) quiet: bool,
 }
 
 #[derive(Debug, PartialEq)]
@@ -44,7 +46,7 @@ pub(crate) fn parse(arguments: impl Iterator<Item = OsString>) -> Result<Invocat
     let mut parser = lexopt::Parser::from_args(arguments);
     let text = |error: lexopt::Error| error.to_string();
     let (mut scenario, mut instance, mut root_path, mut prefix) = (None, None, None, None);
-    let mut controller_timeout_s = 10.0;
+    let (mut controller_timeout_s, mut quiet) = (10.0, false);
     while let Some(argument) = parser.next().map_err(text)? {
         match argument {
             Long("scenario") => scenario = Some(PathBuf::from(parser.value().map_err(text)?)),
@@ -57,6 +59,7 @@ pub(crate) fn parse(arguments: impl Iterator<Item = OsString>) -> Result<Invocat
                     return Err(format!("--controller-timeout {controller_timeout_s}: accepted: 0 to 3600 s"));
                 }
             }
+            Long("quiet") => quiet = true,
             Long("help") | Short('h') => return Ok(Invocation::Print(HELP.to_owned())),
             Long("version") | Short('V') => {
                 return Ok(Invocation::Print(format!("plant-sim {}\n", env!("CARGO_PKG_VERSION"))));
@@ -65,7 +68,7 @@ pub(crate) fn parse(arguments: impl Iterator<Item = OsString>) -> Result<Invocat
         }
     }
     let scenario = scenario.ok_or("--scenario FILE is missing")?;
-    Ok(Invocation::Run(Args { scenario, instance, root_path, prefix, controller_timeout_s }))
+    Ok(Invocation::Run(Args { scenario, instance, root_path, prefix, controller_timeout_s, quiet }))
 }
 
 #[cfg(test)]
@@ -75,10 +78,11 @@ mod tests {
     #[test]
     fn arguments_are_read_or_named() {
         let parsed = |arguments: &[&str]| parse(arguments.iter().map(OsString::from));
-        let Ok(Invocation::Run(args)) = parsed(&["--scenario", "a.toml", "--controller-timeout", "2.5"]) else {
+        let Ok(Invocation::Run(args)) = parsed(&["--scenario", "a.toml", "--controller-timeout", "2.5", "--quiet"])
+        else {
             panic!("not a run")
         };
-        assert_eq!((args.scenario, args.controller_timeout_s), (PathBuf::from("a.toml"), 2.5));
+        assert_eq!((args.scenario, args.controller_timeout_s, args.quiet), (PathBuf::from("a.toml"), 2.5, true));
         assert!(parsed(&["--scenario", "a", "--controller-timeout", "-1"]).unwrap_err().contains("0 to 3600"));
         assert!(parsed(&[]).unwrap_err().contains("--scenario FILE"));
     }

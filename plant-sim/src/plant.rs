@@ -49,6 +49,13 @@ pub struct PlantParameters<const N: usize, const D: usize> {
     pub boot_id: u64,
 }
 
+impl<const N: usize, const D: usize> PlantParameters<N, D> {
+    /// Samples before the motion; a motion that waits has one of them at least to wait in.
+    fn waiting_samples(&self) -> i64 {
+        self.settle_samples.max(i64::from(self.wait_for_command))
+    }
+}
+
 /// What the shell measured about one cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CycleTiming {
@@ -127,7 +134,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             reach: reach_of(&parameters.chain),
             now_ns: parameters.first_stamp_ns,
             sequence: 1,
-            index: -parameters.settle_samples,
+            index: -parameters.waiting_samples(),
             position: parameters.start,
             velocity: SVector::zeros(),
             velocity_reference: SVector::zeros(),
@@ -182,8 +189,10 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     pub fn settle(&mut self, timing: CycleTiming) -> TruthSample {
         let end_ns = self.now_ns + self.parameters.sampling_time_ns;
         let missed = self.playback.is_missing(end_ns);
+        // Counted here, because a command that is due at this very instant would otherwise count twice.
+        let missed_commands = self.playback.missed() + u64::from(missed);
         self.playback.apply_due(self.now_ns);
-        self.truth(timing, missed)
+        self.truth(timing, missed, missed_commands)
     }
 
     /// Goes on to the next sample: the joints follow the commands, each from the instant at which it acts.
@@ -205,7 +214,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         }
         self.sequence += 1;
         if self.index < 0 && self.parameters.wait_for_command && !self.playback.has_received() {
-            self.index = -self.parameters.settle_samples.max(1);
+            self.index = -self.parameters.waiting_samples();
         } else {
             self.index += 1;
         }
@@ -353,7 +362,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         self.parameters.faults.falsify(&mut self.sample, self.index);
     }
 
-    fn truth(&mut self, timing: CycleTiming, missed: bool) -> TruthSample {
+    fn truth(&mut self, timing: CycleTiming, missed: bool, missed_commands: u64) -> TruthSample {
         let pose = &self.kinematics.pose;
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(pose.rotation));
         let applied = self.playback.applied::<D>(self.now_ns);
@@ -366,7 +375,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             stamp_ns: self.now_ns,
             boot_id: self.parameters.boot_id,
             answer_time_ns: timing.answer_time_ns,
-            missed_commands: self.playback.missed() + u64::from(missed),
+            missed_commands,
             lateness_ns: timing.lateness_ns,
             in_contact: u32::from(self.contact.penetration > 0.0),
             contact_losses: self.contact_losses,
@@ -390,6 +399,9 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     }
 }
 
+/// The gap that the truth shows where there is no surface: finite, as its contract says, and beyond any arm.
+const NO_SURFACE_GAP_M: f64 = 1e6;
+
 fn seconds(duration_ns: u64) -> f64 {
     duration_ns as f64 * 1e-9
 }
@@ -409,7 +421,7 @@ fn contact_of<const N: usize>(
     kinematics: &Kinematics<N>,
     velocity: &SVector<f64, N>,
 ) -> Contact {
-    let Some(surface) = surface else { return Contact::none(f64::NEG_INFINITY) };
+    let Some(surface) = surface else { return Contact::none(-NO_SURFACE_GAP_M) };
     let tcp_velocity = if surface.needs_velocity() {
         (kinematics.jacobian * velocity).fixed_rows::<3>(0).into_owned()
     } else {

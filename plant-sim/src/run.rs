@@ -26,6 +26,8 @@ pub trait AnyPlant {
     fn integrate(&mut self);
     /// Whether a valid command was ever received.
     fn has_received(&self) -> bool;
+    /// Commands that were not accepted.
+    fn rejected(&self) -> u64;
     /// Whether the motion is over.
     fn is_finished(&self) -> bool;
     /// Whether the arm met a singular pose.
@@ -59,6 +61,10 @@ impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
 
     fn has_received(&self) -> bool {
         self.playback().has_received()
+    }
+
+    fn rejected(&self) -> u64 {
+        self.playback().rejected()
     }
 
     fn is_finished(&self) -> bool {

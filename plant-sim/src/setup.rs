@@ -43,6 +43,15 @@ pub enum SetupError {
         /// The time in s.
         contact_time_s: f64,
     },
+    /// The start that meets the point at that instant does not come from outside the surface.
+    #[error(
+        "start.contact_time_s = {contact_time_s}: the motion does not come from outside the surface to surface.point_m then: \
+         let motion[..].twist lead against surface.normal, or leave contact_time_s out to start in contact"
+    )]
+    NotApproaching {
+        /// The time in s.
+        contact_time_s: f64,
+    },
 }
 
 const START_ITERATIONS: usize = 12;
@@ -125,8 +134,12 @@ pub fn plant<const N: usize, const D: usize>(
         (Some(time_s), Some(surface)) => {
             let whole = in_samples(time_s) as u64 * parameters.sampling_time_ns;
             let phase = nanoseconds(scenario.start.contact_phase * timing.sampling_time_s);
-            solve_start(&parameters, surface.point, whole + phase)
-                .ok_or(SetupError::Unreachable { contact_time_s: time_s })?
+            let start = solve_start(&parameters, surface.point, whole + phase)
+                .ok_or(SetupError::Unreachable { contact_time_s: time_s })?;
+            if surface.penetration(&parameters.chain.kinematics(&start).pose.position) >= 0.0 {
+                return Err(SetupError::NotApproaching { contact_time_s: time_s });
+            }
+            start
         }
         _ => parameters.start,
     };

@@ -84,13 +84,8 @@ pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
 fn run(args: Args) -> Result<(), (ExitCode, String)> {
     logging::init().map_err(|why| (ExitCode::Usage, why))?;
     ipc_types::quiet_iceoryx2();
-    let scenario: Scenario = config::load(&args.scenario).map_err(|error| {
-        let code = match error {
-            LoadError::Read { .. } => ExitCode::NoInput,
-            LoadError::Config(_) => ExitCode::Config,
-        };
-        (code, error.to_string())
-    })?;
+    let scenario: Scenario =
+        config::load(&args.scenario).map_err(|error: LoadError| (error.exit_code(), error.to_string()))?;
     let settings = scenario
         .ipc
         .settings(args.instance.as_deref(), args.root_path, args.prefix)
@@ -111,7 +106,10 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
             tracing::warn!("real time: {}: refused: {why}", report.step);
         }
     }
-    tracing::info!("plant-sim {}: scenario \"{}\", waiting for admittanced", env!("CARGO_PKG_VERSION"), scenario.name);
+    if !args.quiet {
+        let version = env!("CARGO_PKG_VERSION");
+        tracing::info!("plant-sim {version}: scenario \"{}\", waiting for admittanced", scenario.name);
+    }
 
     let first = monotonic_ns() + 10_000_000;
     let boot_id = (first ^ u64::from(std::process::id()) << 32) | 1;
@@ -144,15 +142,18 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
             return Err((ExitCode::Unavailable, text));
         }
     }
-    tracing::info!(
-        "{}: peak |f_y| {:.1} N, contact losses {}, settled |f_y| {:.1} N, {} cycles, {} missed",
-        scenario.name,
-        summary.peak_force_y_n,
-        summary.contact_losses,
-        summary.settled_force_y_n(),
-        summary.cycles,
-        summary.missed_samples
-    );
+    if !args.quiet {
+        tracing::info!(
+            "{}: peak |f_y| {:.1} N, contact losses {}, settled |f_y| {:.1} N, {} cycles, {} missed, {} rejected",
+            scenario.name,
+            summary.peak_force_y_n,
+            summary.contact_losses,
+            summary.settled_force_y_n(),
+            summary.cycles,
+            summary.missed_samples,
+            plant.rejected()
+        );
+    }
     Ok(())
 }
 
@@ -178,7 +179,11 @@ fn cycle(ports: &Ports, plant: &mut dyn AnyPlant, sampling_time: u64, delay: u64
                     return CycleTiming { answer_time_ns: visible.saturating_sub(stamp), lateness_ns };
                 }
                 Ok(_) => {}
-                Err(rejection) => tracing::warn!("command not accepted: {rejection}"),
+                // One line for each would block this loop when every command is rejected.
+                Err(rejection) if plant.rejected().is_power_of_two() => {
+                    tracing::warn!("command not accepted ({} so far): {rejection}", plant.rejected());
+                }
+                Err(_) => {}
             }
         }
         let now = monotonic_ns();

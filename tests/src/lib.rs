@@ -8,6 +8,7 @@ mod binaries;
 mod child;
 mod needs;
 mod private_ipc;
+pub mod session;
 
 pub use binaries::{Binaries, binaries};
 pub use child::{Child, PATIENCE, wait_until};

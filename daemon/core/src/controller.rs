@@ -33,6 +33,8 @@ pub struct Controller<const N: usize, const D: usize, S, B> {
     pub(crate) workspace: Workspace<B>,
     pub(crate) contact: Contact<D>,
     pub(crate) plan: Plan<D>,
+    /// Whether the plan is one of several steps, made in contact.
+    pub(crate) planned: bool,
     /// Offset of the last command: where the ramp of a released axis starts.
     pub(crate) offset: SVector<f64, D>,
     pub(crate) mode: Mode,
@@ -71,6 +73,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             solver,
             contact: Contact::none(),
             plan: Plan::empty(),
+            planned: false,
             offset: SVector::zeros(),
             mode: Mode::Idle,
             history: SampleHistory::new(),
@@ -110,7 +113,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
 
     /// Goes on where `old` is, with this controller's own parameters: mode, contact, plan, samples and counts.
     pub fn continue_from(&mut self, old: &Self) {
-        (self.mode, self.contact, self.plan, self.offset) = (old.mode, old.contact, old.plan, old.offset);
+        (self.mode, self.contact, self.offset) = (old.mode, old.contact, old.offset);
+        (self.plan, self.planned) = (old.plan, old.planned);
         (self.history, self.last, self.counters) = (old.history, old.last, old.counters);
         (self.stop_reason, self.stopping_since, self.singular) = (old.stop_reason, old.stopping_since, old.singular);
         (self.enabled, self.requested, self.unsolved) = (old.enabled, old.requested, old.unsolved);
@@ -262,6 +266,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
 
     /// Free motion, and the damping law anywhere.
     fn without_prediction(&mut self, sample: &Sample<N, D>, pose: &Pose<N, D>) -> Outcome<N, D> {
+        self.unsolved = 0;
         let (offset, source) = match &self.parameters.law {
             Law::Damping { damping } if self.requested.is_none() => {
                 let admittance = &self.parameters.thresholds.admittance;
@@ -303,18 +308,21 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
 
     fn idle(&mut self, sample: &Sample<N, D>) -> Outcome<N, D> {
         self.contact = Contact::none();
-        let mut outcome = self.unposed(Source::None, sample.stamp, SVector::zeros());
+        self.set_plan(sample.stamp, SVector::zeros());
+        let mut outcome = self.unposed(Source::None, sample.stamp);
         outcome.twist_command = sample.twist_reference;
         outcome
     }
 
-    /// Held; but ṗ0 may move the arm out of the surface, slowly.
+    /// Held; but ṗ0 may move the arm out of the surface, slowly. A ṗ0 that the limits do not let slow down is held too.
     fn stopped(&mut self, sample: &Sample<N, D>) -> Outcome<N, D> {
         let kinematics = self.parameters.chain.kinematics(&sample.joint_position);
         let bound = self.parameters.minimum_reciprocal_condition;
         let inverse = right_inverse(&kinematics.task_jacobian::<D>(), bound);
         match (stopping::retreat_twist(&self.parameters, &sample.twist_reference), inverse) {
-            (Some(twist), Ok(inverse)) if sample.drives_enabled => {
+            (Some(twist), Ok(inverse))
+                if sample.drives_enabled && self.within_limits(&(twist - sample.twist_reference)) =>
+            {
                 self.set_plan(sample.stamp, twist - sample.twist_reference);
                 let outcome = self.outcome(Source::Retreat);
                 self.finish(outcome, sample, &Pose { kinematics, inverse })
@@ -323,24 +331,33 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         }
     }
 
+    /// Whether no limit would cut `offset`: a cut one does not lead where it was meant to.
+    pub(crate) fn within_limits(&self, offset: &SVector<f64, D>) -> bool {
+        offset.iter().zip(&self.parameters.limits.offset).all(|(offset, limit)| offset.abs() <= *limit)
+    }
+
     pub(crate) fn hold(&mut self, stamp: u64) -> Outcome<N, D> {
-        let mut outcome = self.unposed(Source::None, stamp, SVector::zeros());
+        self.set_plan(stamp, SVector::zeros());
+        let mut outcome = self.unposed(Source::None, stamp);
         outcome.motion = Motion::Hold;
         outcome
     }
 
-    /// An outcome with an offset whose joint image is not known, since there is no pose to map it at.
-    pub(crate) fn unposed(&mut self, source: Source, stamp: u64, offset: SVector<f64, D>) -> Outcome<N, D> {
-        self.set_plan(stamp, offset);
-        self.offset = offset;
+    /// An outcome with the plan's offset for the instant `now`, at the last known pose: there is no usable sample.
+    pub(crate) fn unposed(&mut self, source: Source, now: u64) -> Outcome<N, D> {
         let mut outcome = self.outcome(source);
+        outcome.limited = self.plan.limit(&self.parameters.limits.offset);
+        self.counters.limited += u64::from(outcome.limited);
+        let offset = self.plan.at(now).unwrap_or_else(SVector::zeros);
+        self.offset = offset;
         outcome.velocity_offset = offset;
         if let Some(last) = &self.last
             && offset.iter().any(|o| *o != 0.0)
         {
             outcome.twist_command = last.twist_reference + offset;
             let kinematics = self.parameters.chain.kinematics(&last.joint_position);
-            if let Ok(inverse) = right_inverse(&kinematics.task_jacobian::<D>(), 0.0) {
+            let bound = self.parameters.minimum_reciprocal_condition;
+            if let Ok(inverse) = right_inverse(&kinematics.task_jacobian::<D>(), bound) {
                 outcome.joint_velocity_offset = inverse.joint_velocity(&offset);
             }
         }
@@ -352,6 +369,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let validity = self.validity();
         self.plan.restart(stamp);
         self.plan.push(offset, validity as f64 * 1e-9);
+        self.planned = false;
     }
 
     fn outcome(&self, source: Source) -> Outcome<N, D> {

@@ -25,30 +25,33 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             _ => StopReason::SampleInvalid,
         };
         let mut outcome = match (self.mode, self.last) {
-            (Mode::Free, Some(_)) if bridged => {
-                let offset = self.plan.at(now).unwrap_or_else(SVector::zeros);
-                self.unposed(if offset.iter().all(|o| *o == 0.0) { Source::None } else { Source::Ramp }, now, offset)
-            }
+            (Mode::Free, Some(_)) if bridged => self.play_plan(Source::Ramp, now),
             (Mode::Free, _) if fault == SampleFault::Silence => {
                 self.mode = self.mode.after(Transition::Disable);
                 self.stop_reason = Some(reason);
-                self.unposed(Source::None, now, SVector::zeros())
+                self.set_plan(now, SVector::zeros());
+                self.unposed(Source::None, now)
             }
             (Mode::Contact | Mode::Stopping, Some(_)) if bridged => {
                 self.counters.fallback += 1;
-                let offset = self.plan.at(now).unwrap_or_else(SVector::zeros);
-                self.unposed(Source::Plan, now, offset)
+                self.play_plan(Source::Plan, now)
             }
             (Mode::Contact | Mode::Stopping, Some(last))
-                if elapsed <= fallbacks + nanoseconds(self.parameters.stopping.retreat_time) =>
+                if elapsed <= fallbacks + nanoseconds(self.parameters.stopping.retreat_time)
+                    && self.within_limits(&self.open_loop_retreat(&last.twist_reference)) =>
             {
                 self.begin_stop(reason, now);
                 let offset = self.open_loop_retreat(&last.twist_reference);
-                self.unposed(Source::Retreat, now, offset)
+                self.set_plan(now, offset);
+                self.unposed(Source::Retreat, now)
             }
             (Mode::Idle, _) => {
-                self.stop_reason = Some(reason);
-                self.unposed(Source::None, now, SVector::zeros())
+                // Before the first sample there is nothing to miss.
+                if self.last.is_some() {
+                    self.stop_reason = Some(reason);
+                }
+                self.set_plan(now, SVector::zeros());
+                self.unposed(Source::None, now)
             }
             (Mode::Stopped, _) => self.hold(now),
             _ => {
@@ -60,6 +63,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         outcome
     }
 
+    /// The last plan goes on by elapsed time.
+    fn play_plan(&mut self, source: Source, now: u64) -> Outcome<N, D> {
+        let validity = self.validity();
+        self.plan.shift(now, validity);
+        self.unposed(source, now)
+    }
+
     /// Twist that leaves the surface at the retreat speed, as an offset to the last ṗ0.
     fn open_loop_retreat(&self, twist_reference: &SVector<f64, D>) -> SVector<f64, D> {
         self.parameters.environment.normal * self.parameters.stopping.retreat_speed - twist_reference
@@ -69,7 +79,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// component into the surface out of ṗ0.
     pub(crate) fn fall_back(&mut self, sample: &Sample<N, D>) -> Source {
         self.counters.fallback += 1;
-        if self.plan_answers_contact() {
+        if self.planned {
             let validity = self.validity();
             self.plan.shift(sample.stamp, validity);
             return Source::Plan;
@@ -78,10 +88,5 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let inward = environment.outward_speed(&sample.twist_reference).min(0.0);
         self.set_plan(sample.stamp, environment.normal * -inward);
         Source::Retreat
-    }
-
-    /// Whether the plan at hand was made in contact: an offset of free motion is no answer there.
-    fn plan_answers_contact(&self) -> bool {
-        self.plan.steps().len() > 1
     }
 }

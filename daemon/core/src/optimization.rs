@@ -192,6 +192,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         // Every step's twist, as an offset to the ṗ0 of this sample.
         let inputs = prediction.inputs.as_slice();
         self.plan.restart(sample.stamp);
+        self.planned = true;
         for (step, z) in answer.z.chunks_exact(inputs.len()).enumerate() {
             let mut twist = prediction.known_twist[step];
             for (&axis, value) in inputs.iter().zip(z) {

@@ -85,7 +85,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self.mode = self.mode.after(if force { Transition::ForcedReset } else { Transition::Reset });
         (self.contact, self.offset, self.plan) = (Contact::none(), SVector::zeros(), Plan::empty());
         (self.stop_reason, self.requested, self.enabled, self.unsolved) = (None, None, true, 0);
-        self.singular = None;
+        (self.planned, self.singular) = (false, None);
         Ok(())
     }
 }

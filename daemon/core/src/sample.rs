@@ -77,6 +77,13 @@ pub enum SampleFault {
         /// Index in the field, from 0.
         index: usize,
     },
+    /// A value is larger than any arm's: 1e6 rad, m, N and so on. What is computed from it would overflow or lose its digits.
+    Implausible {
+        /// The field.
+        field: Field,
+        /// Index in the field, from 0.
+        index: usize,
+    },
     /// The sender does not vouch for the wrench.
     WrenchInvalid,
     /// Older than allowed.
@@ -107,6 +114,9 @@ impl core::fmt::Display for SampleFault {
                 write!(f, "joint_count = {found}: this daemon is configured for {expected} joints")
             }
             Self::NotFinite { field, index } => write!(f, "{}[{index}] is not finite", field.name()),
+            Self::Implausible { field, index } => {
+                write!(f, "{}[{index}] is beyond ±{LARGEST_VALUE:e}, larger than any arm's", field.name())
+            }
             Self::WrenchInvalid => f.write_str("wrench_valid = 0: the motion controller marks its wrench as invalid"),
             Self::Stale { age } => write!(f, "stamp_ns is {age} ns old, older than max_sample_age_s"),
             Self::FromFuture { ahead } => {
@@ -141,6 +151,8 @@ struct Accepted {
     stamp: u64,
 }
 
+/// Largest magnitude of a value in its SI unit.
+const LARGEST_VALUE: f64 = 1e6;
 /// Samples over which the mean spacing is taken.
 const RATE_BLOCK: u64 = 100;
 /// Relative deviation of the mean spacing from T_s that refuses control.
@@ -206,6 +218,9 @@ impl SampleHistory {
             if let Some(index) = values.iter().position(|value| !value.is_finite()) {
                 return Err(SampleFault::NotFinite { field, index });
             }
+            if let Some(index) = values.iter().position(|value| value.abs() > LARGEST_VALUE) {
+                return Err(SampleFault::Implausible { field, index });
+            }
         }
         if sample.wrench_valid { Ok(()) } else { Err(SampleFault::WrenchInvalid) }
     }
@@ -217,7 +232,8 @@ impl SampleHistory {
         match self.last.filter(|last| last.boot_id == now.boot_id) {
             Some(last) => {
                 let steps = now.sequence - last.sequence;
-                self.missed += steps - 1;
+                // Two runs of the motion controller may both jump by nearly 2⁶⁴.
+                self.missed = self.missed.saturating_add(steps - 1);
                 let spacing = spacing(&last, &now);
                 if (spacing / timing.sampling_time - 1.0).abs() > SPACING_TOLERANCE {
                     self.irregular += 1;

@@ -1,2 +1,88 @@
-//! (in the making)
-fn main() {}
+//! What a person types to rehearse, check and watch admittanced.
+
+mod demo;
+mod report;
+mod request;
+mod schema;
+mod validate;
+
+use std::process::ExitCode;
+
+use admittance_host::cpu;
+use clap::{Parser, Subcommand};
+
+type Exit = admittance_host::exit::ExitCode;
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "admittancectl",
+    version,
+    about = "Rehearse, check and watch admittanced.",
+    arg_required_else_help = true
+)]
+#[command(after_help = "Examples:\n  admittancectl demo\n  admittancectl validate /etc/admittanced/cell-3.toml\n  \
+    admittancectl status --instance cell-3\n\nExit codes: 0 done, 1 claim not met, 64 usage, 66 no such file, 69 no daemon \
+    answers, 75 machine too busy, 78 configuration.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run the paper's experiment with the real daemon and the real plant, and compare four controllers.
+    Demo(demo::Args),
+    /// Check configuration files; nothing is started.
+    Validate(validate::Args),
+    /// Say what a running daemon is doing.
+    Status(request::StatusArgs),
+    /// Release a stopped daemon, once nothing pushes into the surface any more.
+    Reset(request::ResetArgs),
+    /// Print the shared-memory contract, for clients in other languages.
+    Schema(schema::Args),
+    /// The daemon itself, in this process: what the demo starts.
+    #[command(hide = true, disable_help_flag = true)]
+    RoleDaemon {
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<std::ffi::OsString>,
+    },
+    /// The plant itself, in this process: what the demo starts.
+    #[command(hide = true, disable_help_flag = true)]
+    RolePlant {
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<std::ffi::OsString>,
+    },
+}
+
+fn main() -> ExitCode {
+    if let Some(feature) = cpu::missing_cpu_feature() {
+        eprintln!(
+            "admittancectl: this processor lacks {feature}, which this build needs (x86-64-v3): build for this machine"
+        );
+        return Exit::Unavailable.into();
+    }
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Nothing is left to tell when the terminal is gone.
+            let _ = error.print();
+            return if error.use_stderr() { Exit::Usage.into() } else { Exit::Ok.into() };
+        }
+    };
+    let outcome = match cli.command {
+        Command::Demo(args) => demo::run(&args),
+        Command::Validate(args) => validate::run(&args),
+        Command::Status(args) => request::status(&args),
+        Command::Reset(args) => request::reset(&args),
+        Command::Schema(args) => schema::run(&args),
+        Command::RoleDaemon { arguments } => Ok(admittanced::main_with_args(arguments.into_iter())),
+        Command::RolePlant { arguments } => Ok(plant_sim::main_with_args(arguments.into_iter())),
+    };
+    match outcome {
+        Ok(code) => code.into(),
+        Err((code, why)) => {
+            eprintln!("admittancectl: {why}");
+            code.into()
+        }
+    }
+}

@@ -29,6 +29,11 @@ impl KeyDoc {
     pub fn is_required(&self) -> bool {
         self.default.is_none()
     }
+
+    /// Whether it is a section, or an array of sections.
+    pub(super) fn holds_section(&self) -> bool {
+        matches!(innermost(&self.kind), Kind::Section(_))
+    }
 }
 
 /// A section's keys and those of the sections in it, depth first; each section has an entry too.
@@ -62,7 +67,7 @@ pub fn keys_markdown(keys: &[KeyDoc]) -> String {
     let mut text = String::from("| key | type | unit | accepted | default | meaning |\n|---|---|---|---|---|---|\n");
     for key in keys {
         let cell = |s: &str| s.replace('|', "\\|");
-        let is_section = holds_section(&key.kind);
+        let is_section = key.holds_section();
         let default = match &key.default {
             None => "required".to_owned(),
             Some(default) if default == "none" => "none".to_owned(),
@@ -94,8 +99,4 @@ fn innermost(kind: &Kind) -> &Kind {
         Kind::List { of, .. } => innermost(of),
         other => other,
     }
-}
-
-fn holds_section(kind: &Kind) -> bool {
-    matches!(innermost(kind), Kind::Section(_))
 }

@@ -14,7 +14,7 @@ use toml::{Table, Value as Toml};
 
 use super::docs::KeyDoc;
 use super::error::{ConfigErrors, Problem};
-use super::parse::parse;
+use super::parse::{default_errors, parse};
 use super::range::{Limits, Number};
 use super::value::{Kind, Section};
 
@@ -23,7 +23,7 @@ use super::value::{Kind, Section};
 pub enum MutationKind {
     /// A required key is missing.
     Missing,
-    /// A key with a default is left out: the text is valid.
+    /// A key with a default is left out: nothing is wrong, unless a rule between keys needs it.
     Omitted,
     /// The key's name is misspelt.
     Unknown,
@@ -60,7 +60,7 @@ pub struct Mutation {
 
 impl Mutation {
     /// Whether the outcome of parsing [`Mutation::text`] is right: an error that names the key, the value and what is
-    /// accepted; or no error for [`MutationKind::Omitted`].
+    /// accepted. For [`MutationKind::Omitted`] no error, or those of rules between keys only.
     ///
     /// # Errors
     /// A sentence that says what is not as it should be.
@@ -70,7 +70,8 @@ impl Mutation {
             (Ok(_), MutationKind::Omitted) => return Ok(()),
             (Ok(_), _) => return Err(format!("{key}: {kind:?} ({value}) was accepted")),
             (Err(errors), MutationKind::Omitted) => {
-                return Err(format!("{key}: has a default, but without it:\n{errors}"));
+                let by_rule = errors.errors.iter().all(|error| error.problem == Problem::NotAccepted);
+                return if by_rule { Ok(()) } else { Err(format!("{key}: has a default, but without it:\n{errors}")) };
             }
             (Err(errors), _) => errors,
         };
@@ -98,7 +99,7 @@ impl Mutation {
 }
 
 /// Parses every [mutation](mutations) of a valid text and [verifies](Mutation::verify) the outcome; also checks that the text itself is
-/// valid, and that each number has a unit and each key a meaning. Returns how many mutations there were.
+/// valid, that each number has a unit and each key a meaning, and that each default is in its own range. Returns how many mutations there were.
 ///
 /// # Errors
 /// One sentence for each thing that is not as it should be.
@@ -119,6 +120,8 @@ pub fn check_every_key<T: Section>(valid_text: &str) -> Result<usize, Vec<String
         if key.meaning.is_empty() {
             failures.push(format!("{}: no meaning", key.path));
         }
+        let of_default = default_errors(key);
+        failures.extend(of_default.iter().map(|error| format!("{}: default: {error}", key.path)));
     }
     let mutations = mutations(&keys, valid_text);
     for mutation in &mutations {

@@ -56,6 +56,28 @@ pub fn parse<T: Section>(text: &str, source_name: &str) -> Result<T, ConfigError
     Err(failed(errors))
 }
 
+/// What is wrong with a key's own default; a section's is that of its keys.
+pub(super) fn default_errors(doc: &KeyDoc) -> Vec<ConfigError> {
+    let Some(default) = doc.default.as_deref().filter(|default| *default != "none") else { return Vec::new() };
+    if doc.holds_section() {
+        return Vec::new();
+    }
+    let text = format!("default = {default}");
+    let key = Key {
+        name: "default",
+        kind: doc.kind.clone(),
+        limits: doc.limits,
+        default: None,
+        required: true,
+        meaning: String::new(),
+    };
+    let (table, syntax_errors) = DeTable::parse_recoverable(&text);
+    let mut walk = Walk { text: &text, all: Vec::new(), errors: Vec::new(), lines: BTreeMap::new() };
+    walk.table("", &[key], table.get_ref(), None);
+    walk.errors.extend(syntax_errors.iter().map(|error| syntax_error(&text, error)));
+    walk.errors
+}
+
 /// Compares a parsed table with the declared keys.
 struct Walk<'a> {
     text: &'a str,

@@ -44,11 +44,11 @@ pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64]) -> KktResidual {
         scale = scale.max(curvature.abs()).max(qp.gradient[i].abs()).max(pushed.abs());
     }
     let (mut violation, mut product) = (0.0_f64, 0.0_f64);
-    for row in 0..qp.rows {
-        let value = dot(qp.row(row), z);
-        violation = violation.max(value - qp.upper[row]).max(qp.lower[row] - value);
-        if y[row] != 0.0 {
-            product = product.max((y[row] * pushed_slack(value, qp.lower[row], qp.upper[row], y[row])).abs());
+    for (row, &multiplier) in y[..qp.rows].iter().enumerate() {
+        let (value, lower, upper) = (dot(qp.row(row), z), qp.lower[row], qp.upper[row]);
+        violation = violation.max(value - upper).max(lower - value);
+        if multiplier != 0.0 {
+            product = product.max((multiplier * pushed_slack(value, lower, upper, multiplier)).abs());
         }
     }
     let stationarity = if finite { worst / scale } else { f64::NAN };
@@ -63,11 +63,11 @@ pub fn certificate_gap(qp: &Qp<'_>, y: &[f64], reach: f64) -> Option<f64> {
     let n = qp.variables;
     let total: f64 = y[..qp.rows].iter().map(|y| y.abs()).sum();
     let mut gap = 0.0;
-    for row in 0..qp.rows {
-        if y[row] > 0.0 {
-            gap -= y[row] * qp.upper[row];
-        } else if y[row] < 0.0 {
-            gap -= y[row] * qp.lower[row];
+    for (row, &multiplier) in y[..qp.rows].iter().enumerate() {
+        if multiplier > 0.0 {
+            gap -= multiplier * qp.upper[row];
+        } else if multiplier < 0.0 {
+            gap -= multiplier * qp.lower[row];
         }
     }
     for i in 0..n {

@@ -19,12 +19,7 @@ pub(crate) fn clip(points: &[(f64, f64)], x: &Range<f64>, y: &Range<f64>) -> Vec
 }
 
 /// Liang and Barsky's clipping of one segment.
-fn clip_segment(
-    from: (f64, f64),
-    to: (f64, f64),
-    x: &Range<f64>,
-    y: &Range<f64>,
-) -> Option<((f64, f64), (f64, f64))> {
+fn clip_segment(from: (f64, f64), to: (f64, f64), x: &Range<f64>, y: &Range<f64>) -> Option<((f64, f64), (f64, f64))> {
     let delta = (to.0 - from.0, to.1 - from.1);
     if !(delta.0.is_finite() && delta.1.is_finite()) {
         return None;

@@ -1,0 +1,527 @@
+//! The controller through `step`: what it answers when the solver or the samples fail, how it stops, and how one gets out.
+
+mod common;
+
+use std::collections::VecDeque;
+
+use admittance_core::ResetRefused;
+use admittance_core::controller::Event;
+use admittance_core::feasibility::Verdict;
+use admittance_core::mode::{Mode, StopReason};
+use admittance_core::outcome::{Motion, Outcome, Source};
+use admittance_core::parameters::{OnInfeasible, Parameters};
+use admittance_core::qp::{Answer, Qp, QpOutcome, QpSolver};
+use admittance_core::sample::{Field, Sample, SampleFault};
+use admittanced::clarabel_solver::ClarabelSolver;
+use common::{CYCLE, PlanarController, normal, parameters, pressing, pushing, step};
+use nalgebra::Vector2;
+
+/// What the solver does instead of solving.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Script {
+    Solve,
+    Expire,
+    Fail,
+    /// Claims infeasibility with the same multiplier on every row.
+    Claim(f64),
+    /// Claims a solution that is none.
+    Lie(f64),
+}
+
+/// Follows its script, then solves with Clarabel.
+struct Scripted {
+    script: VecDeque<Script>,
+    clarabel: ClarabelSolver,
+}
+
+impl Scripted {
+    fn next(&mut self, answer: &mut Answer<'_>) -> Option<QpOutcome> {
+        match self.script.pop_front().unwrap_or(Script::Solve) {
+            Script::Solve => None,
+            Script::Expire => Some(QpOutcome::Expired { iterations: 3 }),
+            Script::Fail => Some(QpOutcome::Failed { iterations: 50 }),
+            Script::Claim(multiplier) => {
+                answer.multipliers.fill(multiplier);
+                Some(QpOutcome::Infeasible { iterations: 4 })
+            }
+            Script::Lie(z) => {
+                answer.z.fill(z);
+                answer.multipliers.fill(0.0);
+                Some(QpOutcome::Solved { iterations: 5 })
+            }
+        }
+    }
+}
+
+impl QpSolver for Scripted {
+    fn solve(&mut self, qp: &Qp<'_>, answer: &mut Answer<'_>, expired: &mut dyn FnMut() -> bool) -> QpOutcome {
+        self.next(answer).unwrap_or_else(|| self.clarabel.solve(qp, answer, expired))
+    }
+
+    fn solve_least_violating(
+        &mut self,
+        qp: &Qp<'_>,
+        penalty: f64,
+        answer: &mut Answer<'_>,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> QpOutcome {
+        self.next(answer).unwrap_or_else(|| self.clarabel.solve_least_violating(qp, penalty, answer, expired))
+    }
+}
+
+type Scenario = PlanarController<Scripted>;
+
+fn scenario(parameters: Parameters<2, 2>, script: &[Script]) -> Scenario {
+    let solver = Scripted { script: script.iter().copied().collect(), clarabel: common::clarabel(2, 5) };
+    common::controller(parameters, solver)
+}
+
+/// Sample 1 in the air, sample 2 in contact, pressing with 60 N and pushing on at 0.05 m/s.
+fn touched(parameters: Parameters<2, 2>, script: &[Script]) -> (Scenario, Outcome<2, 2>) {
+    let mut controller = scenario(parameters, script);
+    assert_eq!(step(&mut controller, &pressing(-100.0, 1)).mode, Mode::Free);
+    let outcome = step(&mut controller, &contact(2));
+    assert_eq!((outcome.mode, outcome.active_axes), (Mode::Contact, 0b11));
+    (controller, outcome)
+}
+
+fn contact(sequence: u64) -> Sample<2, 2> {
+    pushing(60.0, 0.05, sequence)
+}
+
+fn offsets(controller: &Scenario) -> Vec<Vector2<f64>> {
+    let offsets: Vec<_> = controller.plan().steps().map(|(offset, _)| *offset).collect();
+    assert!(
+        offsets.windows(2).all(|pair| pair[0] != pair[1]) && offsets.iter().all(|o| o.norm() > 1e-4),
+        "{offsets:?}"
+    );
+    offsets
+}
+
+fn close(a: &Vector2<f64>, b: &Vector2<f64>) -> bool {
+    (a - b).norm() <= 1e-12
+}
+
+fn assert_held(outcome: &Outcome<2, 2>, reason: StopReason, what: &str) {
+    assert_eq!(
+        (outcome.motion, outcome.mode, outcome.stop_reason),
+        (Motion::Hold, Mode::Stopped, Some(reason)),
+        "{what}"
+    );
+    assert_eq!((outcome.velocity_offset, outcome.twist_command), (Vector2::zeros(), Vector2::zeros()), "{what}");
+}
+
+fn assert_stopping(outcome: &Outcome<2, 2>, reason: StopReason) {
+    assert_eq!((outcome.motion, outcome.mode, outcome.stop_reason), (Motion::Offset, Mode::Stopping, Some(reason)));
+}
+
+#[test]
+fn in_free_motion_the_offset_is_zero_and_in_contact_it_is_the_plans_first() {
+    let (controller, outcome) = touched(parameters(), &[]);
+    assert_eq!(outcome.source, Source::Mpc);
+    assert_eq!(offsets(&controller).len(), 5);
+    assert_eq!(outcome.velocity_offset, offsets(&controller)[0]);
+    assert_eq!(outcome.twist_command, contact(2).twist_reference + outcome.velocity_offset);
+    let q = contact(2).joint_position;
+    let moved = parameters().chain.kinematics(&q).task_jacobian::<2>() * outcome.joint_velocity_offset;
+    assert!((moved - outcome.velocity_offset).norm() < 1e-9, "J J⁻¹ Δṗ = {moved}");
+    assert!(matches!(outcome.verdict, Verdict::Feasible { margin, .. } if 0.0 < margin && margin < 200.0));
+
+    let mut controller = scenario(parameters(), &[]);
+    let free = step(&mut controller, &pushing(-100.0, 0.2, 1));
+    assert_eq!((free.mode, free.source, free.motion), (Mode::Free, Source::None, Motion::Offset));
+    assert_eq!((free.velocity_offset, free.verdict), (Vector2::zeros(), Verdict::None));
+    assert_eq!(free.twist_command, -normal() * 0.2);
+}
+
+#[test]
+fn without_an_answer_the_plan_goes_on_and_one_too_many_stops() {
+    let causes = [
+        (Script::Expire, StopReason::FallbackExhausted),
+        (Script::Fail, StopReason::SolverFailed),
+        (Script::Claim(1.0), StopReason::SolverFailed),
+        (Script::Claim(f64::NAN), StopReason::SolverFailed),
+        (Script::Lie(0.7), StopReason::SolverFailed),
+        (Script::Lie(f64::NAN), StopReason::SolverFailed),
+    ];
+    for (cause, reason) in causes {
+        let (mut controller, _) = touched(parameters(), &[Script::Solve, cause, cause, cause, cause]);
+        let plan = offsets(&controller);
+        for (cycle, planned) in (1..).zip(&plan[1..]) {
+            let outcome = step(&mut controller, &contact(2 + cycle));
+            assert_eq!((outcome.source, outcome.velocity_offset), (Source::Plan, *planned), "{cause:?}, {cycle}");
+            assert_eq!(outcome.verdict, Verdict::None, "{cause:?}: nothing is proven");
+            assert_eq!(outcome.expired_at, (cause == Script::Expire).then_some(3), "{cause:?}");
+            if cycle <= 3 {
+                assert_eq!((outcome.mode, outcome.stop_reason), (Mode::Contact, None), "{cause:?}, {cycle}");
+            } else {
+                assert_stopping(&outcome, reason);
+            }
+        }
+        assert_eq!(controller.counters().fallback, 4);
+        // 150 N is more than it may rest with: now it stops with the solver's help.
+        let outcome = step(&mut controller, &pushing(150.0, 0.05, 7));
+        assert_stopping(&outcome, reason);
+        assert_eq!(outcome.source, Source::MinimumForce);
+    }
+}
+
+#[test]
+fn an_answer_in_between_ends_the_row_of_fallbacks() {
+    let e = Script::Expire;
+    let (mut controller, _) = touched(parameters(), &[Script::Solve, e, e, e, Script::Solve, e, e, e, e]);
+    for sequence in 3..=9 {
+        let outcome = step(&mut controller, &contact(sequence));
+        let source = if sequence == 6 { Source::Mpc } else { Source::Plan };
+        assert_eq!((outcome.source, outcome.mode), (source, Mode::Contact), "sample {sequence}");
+    }
+    // The next one would be the fourth; but a row does not go on in the next contact.
+    assert_eq!(step(&mut controller, &pressing(-100.0, 10)).mode, Mode::Free);
+    assert_eq!(step(&mut controller, &contact(11)).mode, Mode::Contact);
+}
+
+#[test]
+fn time_that_is_up_before_the_optimisation_counts_as_expired() {
+    let (mut controller, _) = touched(parameters(), &[]);
+    let plan = offsets(&controller);
+    let sample = contact(3);
+    let outcome = controller.step(Event::Sample(&sample), sample.stamp, &mut || true);
+    assert_eq!((outcome.source, outcome.velocity_offset, outcome.expired_at), (Source::Plan, plan[1], Some(0)));
+}
+
+#[test]
+fn without_a_plan_of_this_contact_the_inward_part_of_the_reference_goes() {
+    let (_, outcome) = touched(parameters(), &[Script::Expire]);
+    assert_eq!(outcome.source, Source::Retreat);
+    assert!(outcome.twist_command.norm() < 1e-12, "{}", outcome.twist_command);
+}
+
+/// The x axis pulls while y presses: no plane does that, and no input meets both lower bounds.
+fn contradictory(sequence: u64) -> Sample<2, 2> {
+    Sample { wrench: Vector2::new(20.0, -60.0), ..contact(sequence) }
+}
+
+#[test]
+fn proven_infeasibility_is_latched() {
+    let mut controller = scenario(parameters(), &[]);
+    step(&mut controller, &pressing(-100.0, 1));
+    let outcome = step(&mut controller, &contradictory(2));
+    assert_held(&outcome, StopReason::Infeasible, "at once");
+    assert!(
+        matches!(outcome.verdict, Verdict::Infeasible { shortfall, .. } if shortfall > 0.0),
+        "{:?}",
+        outcome.verdict
+    );
+    for sequence in 3..10 {
+        assert_held(&step(&mut controller, &contact(sequence)), StopReason::Infeasible, "latched");
+    }
+
+    let mut gentle = parameters();
+    gentle.mpc.on_infeasible = OnInfeasible::MinimumForceStop;
+    let mut controller = scenario(gentle, &[]);
+    step(&mut controller, &pressing(-100.0, 1));
+    let sample = Sample { wrench: Vector2::new(50.0, -160.0), ..pushing(150.0, 0.05, 2) };
+    let outcome = step(&mut controller, &sample);
+    assert_stopping(&outcome, StopReason::Infeasible);
+    assert_eq!(outcome.source, Source::MinimumForce);
+    assert!(matches!(outcome.verdict, Verdict::Infeasible { .. }));
+    let outward = normal().dot(&outcome.twist_command);
+    assert!(outward > 0.0, "moves out at {outward} m/s");
+}
+
+/// A way to spoil a sample, and the fault and stop reason that must come of it.
+type Spoiled = (fn(&mut Sample<2, 2>), fn(&SampleFault) -> bool, StopReason);
+
+const MILLISECOND: u64 = 1_000_000;
+
+fn spoiled() -> Vec<Spoiled> {
+    fn not_finite(fault: &SampleFault, wanted: Field, at: usize) -> bool {
+        matches!(fault, SampleFault::NotFinite { field, index } if *field == wanted && *index == at)
+    }
+    vec![
+        (|s| s.joint_position[0] = f64::NAN, |f| not_finite(f, Field::JointPosition, 0), StopReason::SampleInvalid),
+        (|s| s.joint_velocity[1] = f64::NAN, |f| not_finite(f, Field::JointVelocity, 1), StopReason::SampleInvalid),
+        (
+            |s| s.joint_position_reference[1] = f64::NAN,
+            |f| not_finite(f, Field::JointPositionReference, 1),
+            StopReason::SampleInvalid,
+        ),
+        (|s| s.twist_reference[0] = f64::NAN, |f| not_finite(f, Field::TwistReference, 0), StopReason::SampleInvalid),
+        (|s| s.wrench[1] = f64::NAN, |f| not_finite(f, Field::Wrench, 1), StopReason::SampleInvalid),
+        (|s| s.wrench[0] = f64::INFINITY, |f| not_finite(f, Field::Wrench, 0), StopReason::SampleInvalid),
+        (|s| s.wrench_valid = false, |f| *f == SampleFault::WrenchInvalid, StopReason::SampleInvalid),
+        (|s| s.joint_count = 7, |f| *f == SampleFault::JointCount { found: 7, expected: 2 }, StopReason::JointCount),
+        (
+            |s| s.stamp -= 13 * MILLISECOND,
+            |f| *f == SampleFault::Stale { age: 13 * MILLISECOND },
+            StopReason::SampleStale,
+        ),
+        (
+            |s| s.stamp += 5 * MILLISECOND,
+            |f| *f == SampleFault::FromFuture { ahead: 5 * MILLISECOND },
+            StopReason::SampleInvalid,
+        ),
+        (|s| s.sequence = 2, |f| *f == SampleFault::OutOfOrder { sequence: 2, last: 2 }, StopReason::SampleInvalid),
+    ]
+}
+
+#[test]
+fn bad_samples_in_contact_play_the_plan_then_retreat_then_stop() {
+    let retreating = (parameters().stopping.retreat_time / 0.004) as u64;
+    let check = |index: usize,
+                 controller: &mut Scenario,
+                 next: &mut dyn FnMut(&mut Scenario, u64) -> Outcome<2, 2>,
+                 reason| {
+        let plan = offsets(controller);
+        for cycle in 1..=3 {
+            let outcome = next(controller, 2 + cycle);
+            assert_eq!((outcome.source, outcome.mode), (Source::Plan, Mode::Contact), "fault {index}, cycle {cycle}");
+            assert_eq!(outcome.velocity_offset, plan[cycle as usize], "fault {index}, cycle {cycle}");
+            assert!(outcome.joint_velocity_offset.norm() > 0.0);
+        }
+        for cycle in 4..4 + retreating {
+            let outcome = next(controller, 2 + cycle);
+            assert_stopping(&outcome, reason);
+            assert_eq!(outcome.source, Source::Retreat, "fault {index}, cycle {cycle}");
+            assert!(close(&outcome.twist_command, &(normal() * 0.05)), "fault {index}: {}", outcome.twist_command);
+            assert_eq!(controller.plan().at(0), Some(outcome.velocity_offset), "what is played on is the same");
+        }
+        for cycle in 4 + retreating..6 + retreating {
+            assert_held(&next(controller, 2 + cycle), reason, &format!("fault {index}, cycle {cycle}"));
+        }
+        // Good samples do not end it.
+        let sequence = 10 + retreating;
+        assert_held(&step(controller, &pressing(-100.0, sequence)), reason, &format!("fault {index}"));
+    };
+    for (index, (spoil, is_fault, reason)) in spoiled().into_iter().enumerate() {
+        let (mut controller, _) = touched(parameters(), &[]);
+        let mut next = |controller: &mut Scenario, sequence: u64| {
+            let mut sample = contact(sequence);
+            let now = sample.stamp;
+            spoil(&mut sample);
+            let outcome = controller.step(Event::Sample(&sample), now, &mut || false);
+            assert!(outcome.fault.is_some_and(|fault| is_fault(&fault)), "fault {index}: {:?}", outcome.fault);
+            outcome
+        };
+        check(index, &mut controller, &mut next, reason);
+    }
+    let (mut controller, _) = touched(parameters(), &[]);
+    let mut silent = |controller: &mut Scenario, sequence: u64| {
+        controller.step(Event::Silence, contact(sequence).stamp, &mut || false)
+    };
+    check(99, &mut controller, &mut silent, StopReason::SampleStale);
+}
+
+#[test]
+fn a_good_sample_after_two_bad_ones_goes_on_in_contact() {
+    let (mut controller, _) = touched(parameters(), &[]);
+    let plan = offsets(&controller);
+    for sequence in 3..=4 {
+        step(&mut controller, &Sample { wrench_valid: false, ..contact(sequence) });
+    }
+    assert_eq!(controller.counters().rejected, 2);
+    let late = controller.step(Event::Sample(&contact(5)), contact(5).stamp, &mut || true);
+    assert_eq!((late.source, late.velocity_offset), (Source::Plan, plan[3]), "the plan is still the optimiser's");
+    let outcome = step(&mut controller, &contact(6));
+    assert_eq!((outcome.source, outcome.mode, outcome.stop_reason), (Source::Mpc, Mode::Contact, None));
+}
+
+#[test]
+fn silence_in_free_motion_ends_in_idle_and_a_sample_brings_it_back() {
+    let mut controller = scenario(parameters(), &[]);
+    let never = controller.step(Event::Silence, 5 * CYCLE, &mut || false);
+    assert_eq!((never.mode, never.stop_reason), (Mode::Idle, None), "before the first sample nothing is missing");
+    let first = pressing(-100.0, 1);
+    assert_eq!(step(&mut controller, &first).mode, Mode::Free);
+    let silent = |controller: &mut Scenario, cycles: u64| {
+        let outcome = controller.step(Event::Silence, first.stamp + cycles * CYCLE, &mut || false);
+        assert_eq!((outcome.motion, outcome.velocity_offset), (Motion::Offset, Vector2::zeros()));
+        (outcome.mode, outcome.stop_reason)
+    };
+    assert_eq!(silent(&mut controller, 3), (Mode::Free, None));
+    assert_eq!(silent(&mut controller, 4), (Mode::Idle, Some(StopReason::SampleStale)));
+    assert_eq!(silent(&mut controller, 500), (Mode::Idle, Some(StopReason::SampleStale)));
+    let back = step(&mut controller, &pressing(-100.0, 600));
+    assert_eq!((back.mode, back.stop_reason), (Mode::Free, None));
+}
+
+#[test]
+fn a_first_sample_in_contact_is_held() {
+    let mut controller = scenario(parameters(), &[]);
+    assert_held(&step(&mut controller, &contact(1)), StopReason::StartedInContact, "first sample");
+    let (mut controller, _) = touched(parameters(), &[]);
+    let restarted = Sample { boot_id: 8, ..contact(1) };
+    let outcome = controller.step(Event::Sample(&restarted), contact(3).stamp, &mut || false);
+    assert_eq!(outcome.fault, None, "another run counts from anew");
+    assert_held(&outcome, StopReason::StartedInContact, "restart in contact");
+    // In the air a restart changes nothing.
+    let mut controller = scenario(parameters(), &[]);
+    step(&mut controller, &pressing(-100.0, 5));
+    let restarted = Sample { boot_id: 8, sequence: 1, ..pressing(-100.0, 6) };
+    assert_eq!(step(&mut controller, &restarted).mode, Mode::Free);
+}
+
+#[test]
+fn a_singular_pose_is_held() {
+    for mut controller in [scenario(parameters(), &[]), touched(parameters(), &[]).0] {
+        step(&mut controller, &pressing(-100.0, 1));
+        let straight = Sample { joint_position: Vector2::new(0.5, 0.0), ..contact(3) };
+        assert_held(&step(&mut controller, &straight), StopReason::Singular, "stretched");
+        let found = controller.singular().expect("says how singular").reciprocal_condition;
+        assert!(found < parameters().minimum_reciprocal_condition, "{found}");
+    }
+}
+
+/// `sample` as if every cycle so far had been 5 % too long.
+fn slow(sample: Sample<2, 2>) -> Sample<2, 2> {
+    Sample { stamp: 1_000_000_000 + sample.sequence * CYCLE / 100 * 105, ..sample }
+}
+
+#[test]
+fn the_wrong_rate_refuses_control_and_stops_in_contact() {
+    let mut controller = scenario(parameters(), &[]);
+    for sequence in 1..=100 {
+        assert_eq!(step(&mut controller, &slow(pressing(-100.0, sequence))).mode, Mode::Free, "sample {sequence}");
+    }
+    for sequence in 101..=210 {
+        let outcome = step(&mut controller, &slow(pressing(-100.0, sequence)));
+        assert_eq!((outcome.mode, outcome.stop_reason), (Mode::Idle, Some(StopReason::RateMismatch)), "{sequence}");
+    }
+    // The right rate from here on: after a block of 100 all is well.
+    let start = slow(pressing(-100.0, 210)).stamp;
+    for sequence in 211..=400 {
+        let stamp = start + (sequence - 210) * CYCLE;
+        let outcome = step(&mut controller, &Sample { stamp, ..pressing(-100.0, sequence) });
+        assert!(sequence < 400 || outcome.mode == Mode::Free, "{:?}", outcome.stop_reason);
+    }
+
+    let mut controller = scenario(parameters(), &[]);
+    step(&mut controller, &slow(pressing(-100.0, 1)));
+    for sequence in 2..=100 {
+        assert_eq!(step(&mut controller, &slow(pushing(150.0, 0.05, sequence))).mode, Mode::Contact);
+    }
+    assert_stopping(&step(&mut controller, &slow(pushing(150.0, 0.05, 101))), StopReason::RateMismatch);
+}
+
+#[test]
+fn without_drives_free_motion_ends_in_idle_and_contact_in_a_stop() {
+    let off = |sample| Sample { drives_enabled: false, ..sample };
+    let mut controller = scenario(parameters(), &[]);
+    for sample in [off(pressing(-100.0, 1)), off(contact(2))] {
+        let outcome = step(&mut controller, &sample);
+        assert_eq!((outcome.mode, outcome.stop_reason), (Mode::Idle, Some(StopReason::DrivesDisabled)));
+    }
+    assert_eq!(step(&mut controller, &pressing(-100.0, 3)).mode, Mode::Free);
+    let outcome = step(&mut controller, &off(pressing(-100.0, 4)));
+    assert_eq!((outcome.mode, outcome.stop_reason), (Mode::Idle, Some(StopReason::DrivesDisabled)));
+
+    let (mut controller, _) = touched(parameters(), &[]);
+    assert_held(&step(&mut controller, &off(contact(3))), StopReason::DrivesDisabled, "in contact");
+    let leaving = off(pushing(60.0, -0.02, 4));
+    assert_held(&step(&mut controller, &leaving), StopReason::DrivesDisabled, "no retreat without drives");
+}
+
+#[test]
+fn a_stop_on_request_ramps_to_zero_in_free_motion() {
+    let (mut controller, outcome) = touched(parameters(), &[]);
+    let mut before = outcome.velocity_offset;
+    controller.request_stop(StopReason::Shutdown);
+    let mut cycles = 0;
+    for sequence in 3.. {
+        let outcome = step(&mut controller, &pressing(-100.0, sequence));
+        if outcome.mode == Mode::Idle {
+            assert_eq!((outcome.stop_reason, before), (Some(StopReason::Shutdown), Vector2::zeros()));
+            assert_eq!(outcome.velocity_offset, Vector2::zeros());
+            break;
+        }
+        assert_eq!(outcome.mode, Mode::Free);
+        // 10 m/s² over 4 ms.
+        for axis in 0..2 {
+            let expected = (before[axis].abs() - 0.04).max(0.0).copysign(before[axis]);
+            assert!(
+                (outcome.velocity_offset[axis] - expected).abs() < 1e-12,
+                "{} after {before}",
+                outcome.velocity_offset
+            );
+        }
+        before = outcome.velocity_offset;
+        cycles += 1;
+        assert!(cycles < 100, "it never gets to zero");
+    }
+    assert!(cycles > 1, "there was nothing to ramp");
+    assert_eq!(step(&mut controller, &pressing(-100.0, 500)).stop_reason, Some(StopReason::Shutdown), "stays idle");
+}
+
+#[test]
+fn a_stop_on_request_in_contact_comes_to_rest_at_a_low_force() {
+    let (mut controller, _) = touched(parameters(), &[]);
+    controller.request_stop(StopReason::Shutdown);
+    let outcome = step(&mut controller, &pushing(150.0, 0.05, 3));
+    assert_stopping(&outcome, StopReason::Shutdown);
+    assert_eq!(outcome.source, Source::MinimumForce);
+    assert!(normal().dot(&outcome.twist_command) > 0.0, "out of the surface: {}", outcome.twist_command);
+    // Low force, but still moving in: no rest yet.
+    let inward = Sample { joint_velocity: contact_velocity(-0.05), ..pressing(50.0, 4) };
+    assert_stopping(&step(&mut controller, &inward), StopReason::Shutdown);
+    assert_held(&step(&mut controller, &pressing(50.0, 5)), StopReason::Shutdown, "at rest");
+
+    // A force that does not fade: held when the time is up.
+    let (mut controller, _) = touched(parameters(), &[]);
+    controller.request_stop(StopReason::Shutdown);
+    for sequence in 3..=253 {
+        assert_stopping(&step(&mut controller, &pressing(150.0, sequence)), StopReason::Shutdown);
+    }
+    assert_held(&step(&mut controller, &pressing(150.0, 254)), StopReason::Shutdown, "time is up");
+}
+
+/// Joint velocity that moves the TCP out of the surface at `speed`.
+fn contact_velocity(speed: f64) -> Vector2<f64> {
+    let model = common::model(&parameters(), &contact(1).joint_position);
+    let twist = normal() * speed;
+    model.input_direction(0) * twist.x + model.input_direction(1) * twist.y
+}
+
+#[test]
+fn the_way_out_of_a_stop_leads_over_a_retreat_and_a_reset() {
+    let mut controller = scenario(parameters(), &[]);
+    assert_eq!(controller.reset(false), Err(ResetRefused::NotStopped(Mode::Idle)));
+    assert_held(&step(&mut controller, &contact(1)), StopReason::StartedInContact, "inward");
+    let refused = controller.reset(false);
+    assert!(
+        matches!(refused, Err(ResetRefused::ReferenceInward { speed }) if (speed - 0.05).abs() < 1e-12),
+        "{refused:?}"
+    );
+    assert_held(&step(&mut controller, &pressing(60.0, 2)), StopReason::StartedInContact, "no reference");
+    let refused = controller.reset(false);
+    assert!(
+        matches!(refused, Err(ResetRefused::ForceAboveRelease { axis: 0, release: 5.0, force }) if force < -5.0),
+        "{refused:?}"
+    );
+    // Out of the surface, but never faster than the retreat speed, however fast the reference is.
+    for (sequence, commanded, allowed) in [(3, 0.02, 0.02), (4, 0.3, 0.05), (5, 1.5, 0.05)] {
+        let outcome = step(&mut controller, &pushing(60.0, -commanded, sequence));
+        assert_eq!((outcome.motion, outcome.mode, outcome.source), (Motion::Offset, Mode::Stopped, Source::Retreat));
+        assert!(close(&outcome.twist_command, &(normal() * allowed)), "{commanded} m/s: {}", outcome.twist_command);
+    }
+    // The offset that would slow this one down is beyond the limit.
+    let outcome = step(&mut controller, &pushing(60.0, -4.0, 6));
+    assert_held(&outcome, StopReason::StartedInContact, "too fast to be slowed down");
+
+    step(&mut controller, &pushing(0.0, -0.02, 7));
+    assert_eq!(controller.reset(false), Ok(()));
+    assert_eq!(controller.mode(), Mode::Idle);
+    let outcome = step(&mut controller, &pressing(-100.0, 8));
+    assert_eq!((outcome.mode, outcome.stop_reason), (Mode::Free, None));
+    let outcome = step(&mut controller, &contact(9));
+    assert_eq!((outcome.mode, outcome.source), (Mode::Contact, Source::Mpc));
+}
+
+#[test]
+fn a_forced_reset_goes_straight_back_to_control_in_contact() {
+    let mut controller = scenario(parameters(), &[]);
+    step(&mut controller, &contact(1));
+    assert_eq!(controller.reset(true), Ok(()));
+    assert_eq!(controller.mode(), Mode::Free);
+    let outcome = step(&mut controller, &contact(2));
+    assert_eq!((outcome.mode, outcome.source, outcome.stop_reason), (Mode::Contact, Source::Mpc, None));
+}

@@ -1,0 +1,135 @@
+//! The model (17) against golden/model.json, which an independent script derives by hand with 60 digits.
+
+mod common;
+
+use admittance_core::model::{Model, State};
+use nalgebra::{SVector, Vector2};
+use serde::Deserialize;
+
+/// Relative difference that rounding explains.
+const ROUNDING: f64 = 1e-12;
+const T_S: f64 = 0.004;
+
+#[derive(Deserialize)]
+struct Golden {
+    joint_position: [f64; 2],
+    inverse_jacobian: [[f64; 2]; 2],
+    models: Vec<GoldenModel>,
+}
+
+#[derive(Deserialize)]
+struct GoldenModel {
+    active_axes: Vec<String>,
+    #[serde(rename = "A")]
+    a: Vec<Vec<f64>>,
+    #[serde(rename = "B")]
+    b: Vec<Vec<f64>>,
+    #[serde(rename = "E")]
+    e: Vec<Vec<f64>>,
+    gamma: Vec<f64>,
+    force_offset: Vec<f64>,
+    force_by_joint: Vec<Vec<f64>>,
+    force_here: Vec<f64>,
+}
+
+fn golden() -> Golden {
+    serde_json::from_str(include_str!("golden/model.json")).expect("the golden file is what its script wrote")
+}
+
+/// Every entry within rounding of the largest one in its row, which is what the sum that makes it is rounded to.
+fn assert_row(what: &str, found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    let scale = expected.iter().fold(0.0_f64, |scale, value| scale.max(value.abs()));
+    for (f, e) in found.iter().zip(expected) {
+        assert!((f - e).abs() <= ROUNDING * scale, "{what}: {found:?}, expected {expected:?}");
+    }
+}
+
+/// [q; q̇; f̂ of `axes`].
+fn flat(x: &State<2, 2>, axes: &[usize]) -> Vec<f64> {
+    let joints = x.joint_position.iter().chain(x.joint_velocity.iter()).copied();
+    joints.chain(axes.iter().map(|&axis| x.wrench[axis])).collect()
+}
+
+fn unit(index: usize, axes: &[usize]) -> State<2, 2> {
+    let mut x = State::zeros();
+    match index {
+        0 | 1 => x.joint_position[index] = 1.0,
+        2 | 3 => x.joint_velocity[index - 2] = 1.0,
+        _ => x.wrench[axes[index - 4]] = 1.0,
+    }
+    x
+}
+
+fn transposed(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    (0..columns[0].len()).map(|row| columns.iter().map(|column| column[row]).collect()).collect()
+}
+
+fn check(golden: &Golden, expected: &GoldenModel) {
+    let q = Vector2::from(golden.joint_position);
+    let model: Model<2, 2> = common::model(&common::parameters(), &q);
+    let name = |axis: &String| ["x", "y"].iter().position(|name| name == axis).expect("x or y");
+    let axes: Vec<usize> = expected.active_axes.iter().map(name).collect();
+    let rest = SVector::<f64, 2>::zeros();
+
+    // advance_linear is advance without γ: A comes from it exactly, γ from advance at the origin.
+    let columns: Vec<_> =
+        (0..4 + axes.len()).map(|i| flat(&model.advance_linear(T_S, &unit(i, &axes), &rest), &axes)).collect();
+    for (row, (found, expected)) in transposed(&columns).iter().zip(&expected.a).enumerate() {
+        assert_row(&format!("A, row {row}"), found, expected);
+    }
+    let gamma = model.advance(T_S, &State::zeros(), &rest);
+    for (found, expected) in flat(&gamma, &axes).iter().zip(&expected.gamma) {
+        assert_row("γ", &[*found], &[*expected]);
+    }
+    let response = |axis: usize| {
+        let v = model.input_direction(axis);
+        assert_row("J⁻¹", v.as_slice(), &[0, 1].map(|joint| golden.inverse_jacobian[joint][axis]));
+        flat(&model.advance_linear(T_S, &State::zeros(), &v), &axes)
+    };
+    let inputs: Vec<_> = axes.iter().map(|&axis| response(axis)).collect();
+    let references: Vec<_> = (0..2).map(response).collect();
+    for (row, found) in transposed(&inputs).iter().enumerate() {
+        assert_row(&format!("B, row {row}"), found, &expected.b[row]);
+    }
+    for (row, found) in transposed(&references).iter().enumerate() {
+        assert_row(&format!("E, row {row}"), found, &expected.e[row]);
+    }
+
+    // The whole step: A x + E ṗ0 + γ.
+    let x = State { joint_position: q, joint_velocity: Vector2::new(0.3, -0.2), wrench: Vector2::new(-40.0, -90.0) };
+    let twist = [0.1, -0.25];
+    let x_flat = flat(&x, &axes);
+    let next = flat(&model.advance(T_S, &x, &Vector2::from(twist)), &axes);
+    for (row, found) in next.iter().enumerate() {
+        let terms: Vec<f64> = expected.a[row].iter().zip(&x_flat).map(|(a, x)| a * x).collect();
+        let driven: f64 = expected.e[row].iter().zip(twist).map(|(e, twist)| e * twist).sum();
+        let sum = terms.iter().sum::<f64>() + driven + expected.gamma[row];
+        let scale = terms.iter().fold(expected.gamma[row].abs(), |scale, term| scale.max(term.abs()));
+        assert!((found - sum).abs() <= 10.0 * ROUNDING * scale, "A x + E ṗ0 + γ, row {row}: {found} ≠ {sum}");
+    }
+
+    for (index, &axis) in axes.iter().enumerate() {
+        assert_row("K_e J", model.wrench_gradient(axis).as_slice(), &expected.force_by_joint[index]);
+        let offset = model.linear_wrench(&rest)[axis];
+        assert_row("constant part of f_lin", &[offset], &[expected.force_offset[index]]);
+        // A difference of terms a thousand times larger, and K_e times a position known to 1e-16 m: 1e-10 N at best.
+        let here = model.linear_wrench(&q)[axis];
+        let bound = ROUNDING * offset.abs() * 10.0;
+        assert!(
+            (here - expected.force_here[index]).abs() <= bound,
+            "f_lin(q) = {here}, not {}",
+            expected.force_here[index]
+        );
+    }
+}
+
+#[test]
+fn every_matrix_of_the_model_is_the_golden_one() {
+    let golden = golden();
+    let inputs: Vec<usize> = golden.models.iter().map(|model| model.active_axes.len()).collect();
+    assert_eq!(inputs, [2, 1], "one model for each number of active axes");
+    for model in &golden.models {
+        check(&golden, model);
+    }
+}

@@ -1,0 +1,291 @@
+//! `admittancectl demo`: the paper's experiment (section IV) for four controllers, each with the real daemon and the real
+//! plant as processes of their own, in real time, over shared memory.
+
+mod claims;
+mod session;
+
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use comfy_table::{CellAlignment, Table, presets};
+use indicatif::{ProgressBar, ProgressStyle};
+use ipc_types::TruthSample;
+use plant_sim::scenario::Scenario;
+use plant_sim::summary::Summary;
+use serde::Serialize;
+
+use crate::{Exit, report};
+
+/// The scenario of every run.
+const SCENARIO: &str = include_str!("../../../../plant-sim/scenarios/paper.toml");
+/// The force limit of the experiment in N.
+pub(crate) const LIMIT_N: f64 = 200.0;
+/// Runs repeated for want of a quiet machine, per controller.
+const REPEATS: u32 = 3;
+/// A missed command this long before first contact, in s, or later may have changed what the row shows.
+const NEAR_CONTACT_S: f64 = 0.02;
+
+/// A controller of the demo.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Controller {
+    /// Name in JSON and CSV.
+    pub(crate) name: &'static str,
+    /// Name in table and legend.
+    pub(crate) title: &'static str,
+    /// The daemon's configuration.
+    pub(crate) config: &'static str,
+}
+
+/// The four rows.
+pub(crate) const CONTROLLERS: [Controller; 4] = [
+    Controller {
+        name: "damping-low",
+        title: "damping, D_low (22)",
+        config: include_str!("../../../../deploy/demo/damping-low.toml"),
+    },
+    Controller {
+        name: "damping-high",
+        title: "damping, D_high (22)",
+        config: include_str!("../../../../deploy/demo/damping-high.toml"),
+    },
+    Controller {
+        name: "mpc-paper",
+        title: "MPC, as in the paper",
+        config: include_str!("../../../../deploy/demo/mpc-paper.toml"),
+    },
+    Controller {
+        name: "mpc-task-space",
+        title: "MPC, task-space weights",
+        config: include_str!("../../../../deploy/demo/mpc-task-space.toml"),
+    },
+];
+
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Takes about 12 s. Exit codes: 0 the run shows what the paper claims, 1 it does not or was interrupted, \
+    75 the machine was too busy to tell.\n\nExamples:\n  admittancectl demo\n  admittancectl demo --json > demo.json"
+)]
+pub(crate) struct Args {
+    /// One JSON object on stdout; progress goes to stderr.
+    #[arg(long)]
+    json: bool,
+    /// Where index.html, the figures and series.csv go.
+    #[arg(long, default_value = "demo-report")]
+    report: PathBuf,
+}
+
+/// Percentiles in µs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(crate) struct Percentiles {
+    pub(crate) p50: f64,
+    pub(crate) p99: f64,
+    pub(crate) max: f64,
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Row {
+    pub(crate) name: &'static str,
+    pub(crate) peak_force_y_n: f64,
+    pub(crate) contact_losses: u32,
+    pub(crate) settled_force_y_n: f64,
+    pub(crate) tangential_speed_m_s: f64,
+    pub(crate) cycles: u64,
+    pub(crate) missed_samples: u64,
+    pub(crate) answer_time_us: Percentiles,
+}
+
+/// One controller's run.
+#[derive(Debug, Clone)]
+pub(crate) struct Run {
+    pub(crate) controller: Controller,
+    pub(crate) row: Row,
+    pub(crate) truths: Vec<TruthSample>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
+    ipc_types::quiet_iceoryx2();
+    let scenario: Scenario =
+        admittance_host::config::parse(SCENARIO, "paper.toml").map_err(|error| (Exit::Internal, error.to_string()))?;
+    let interrupted = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&interrupted))
+            .map_err(|error| (Exit::Unavailable, format!("signal handlers: {error}")))?;
+    }
+    let interrupted = || interrupted.load(Ordering::Relaxed);
+    let mut runs = Vec::new();
+    for controller in CONTROLLERS {
+        match quiet_run(controller, &scenario, &interrupted)? {
+            Some(run) => runs.push(run),
+            None => {
+                return Err((
+                    Exit::MachineBusy,
+                    format!(
+                        "machine too busy: {} had commands missed near contact in {} runs. Nothing is claimed; try again \
+                         when nothing else runs on this machine",
+                        controller.name,
+                        REPEATS + 1
+                    ),
+                ));
+            }
+        }
+    }
+    report::write(&args.report, &runs, &scenario).map_err(|error| {
+        (Exit::Unavailable, format!("the report in {} was not written: {error}", args.report.display()))
+    })?;
+    let rows: Vec<&Row> = runs.iter().map(|run| &run.row).collect();
+    if args.json {
+        println!("{}", serde_json::json!({ "controllers": rows }));
+    } else {
+        println!("{}", table(&runs));
+    }
+    eprintln!("report: {}", args.report.join("index.html").display());
+    let broken = claims::broken(&rows);
+    if broken.is_empty() {
+        eprintln!(
+            "shown, as the paper claims: low damping bounces, high damping exceeds the limit, the MPC does neither"
+        );
+        Ok(Exit::Ok)
+    } else {
+        Err((Exit::ClaimNotMet, format!("the run does not show what the paper claims: {}", broken.join("; "))))
+    }
+}
+
+/// A run without missed commands near contact; `None` when there was none in all tries.
+fn quiet_run(
+    controller: Controller,
+    scenario: &Scenario,
+    interrupted: &dyn Fn() -> bool,
+) -> Result<Option<Run>, (Exit, String)> {
+    for attempt in 0..=REPEATS {
+        let truths = session::run(controller, scenario, SCENARIO, interrupted, progress(controller, scenario))?;
+        let mut summary = Summary::of_scenario(scenario);
+        truths.iter().for_each(|truth| summary.add(truth));
+        let from = summary.first_contact_s.unwrap_or(0.0) - NEAR_CONTACT_S;
+        let near = truths.iter().filter(|truth| truth.missed == 1 && truth.scenario_time_s >= from).count();
+        if near == 0 {
+            let row = row(controller, &summary, &truths);
+            return Ok(Some(Run { controller, row, truths }));
+        }
+        let then = if attempt < REPEATS { "running it again" } else { "giving up" };
+        eprintln!("{}: {near} command(s) missed near contact, since the machine is busy: {then}", controller.name);
+    }
+    Ok(None)
+}
+
+/// Shows how far the scenario is: a bar on a terminal, a line per run elsewhere.
+fn progress(controller: Controller, scenario: &Scenario) -> impl FnMut(f64) + use<> {
+    let duration: f64 = scenario.motion.iter().map(|phase| phase.duration_s).sum();
+    let bar = std::io::stderr().is_terminal().then(|| {
+        let style = ProgressStyle::with_template("{prefix:24} {wide_bar} {msg}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
+        ProgressBar::new((duration * 1e3) as u64).with_style(style).with_prefix(controller.title)
+    });
+    if bar.is_none() {
+        eprintln!("{}: {duration} s of motion in real time", controller.title);
+    }
+    move |time_s: f64| {
+        if let Some(bar) = &bar {
+            bar.set_position((time_s.max(0.0) * 1e3) as u64);
+            bar.set_message(format!("{:4.1} s", time_s.max(0.0)));
+        }
+    }
+}
+
+fn row(controller: Controller, summary: &Summary, truths: &[TruthSample]) -> Row {
+    let answers = truths.iter().filter(|truth| truth.scenario_time_s >= 0.0 && truth.answer_time_ns > 0);
+    Row {
+        name: controller.name,
+        peak_force_y_n: summary.peak_force_y_n,
+        contact_losses: summary.contact_losses,
+        settled_force_y_n: summary.settled_force_y_n(),
+        tangential_speed_m_s: summary.tangential_speed_m_s(),
+        cycles: summary.cycles,
+        missed_samples: summary.missed_samples,
+        answer_time_us: percentiles(answers.map(|truth| truth.answer_time_ns as f64 * 1e-3).collect()),
+    }
+}
+
+/// The values at rank ⌈p·n⌉; NaN without values.
+fn percentiles(mut values: Vec<f64>) -> Percentiles {
+    values.sort_by(f64::total_cmp);
+    let rank = |share: f64| {
+        let rank = (share * values.len() as f64).ceil() as usize;
+        values.get(rank.max(1) - 1).copied().unwrap_or(f64::NAN)
+    };
+    Percentiles { p50: rank(0.5), p99: rank(0.99), max: rank(1.0) }
+}
+
+fn table(runs: &[Run]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::ASCII_MARKDOWN);
+    table.set_header(HEADER);
+    for run in runs {
+        table.add_row(cells(run));
+    }
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+/// Headings of the table, here and in the report.
+pub(crate) const HEADER: [&str; 8] = [
+    "controller",
+    "peak |f_y| in N (limit 200)",
+    "contact losses",
+    "settled |f_y| in N",
+    "tangential speed in m/s",
+    "cycles",
+    "missed samples",
+    "answer time p50 / p99 / max in us",
+];
+
+/// Cells of a row, here and in the report.
+pub(crate) fn cells(run: &Run) -> [String; 8] {
+    let row = &run.row;
+    let answer = &row.answer_time_us;
+    [
+        run.controller.title.to_owned(),
+        format!("{:.1}", row.peak_force_y_n),
+        row.contact_losses.to_string(),
+        format!("{:.1}", row.settled_force_y_n),
+        format!("{:.3}", row.tangential_speed_m_s),
+        row.cycles.to_string(),
+        row.missed_samples.to_string(),
+        format!("{:.0} / {:.0} / {:.0}", answer.p50, answer.p99, answer.max),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_values_that_occurred() {
+        let values = (1..=200).rev().map(f64::from).collect();
+        assert_eq!(percentiles(values), Percentiles { p50: 100.0, p99: 198.0, max: 200.0 });
+        assert!(percentiles(Vec::new()).p50.is_nan());
+    }
+
+    #[test]
+    fn json_has_the_agreed_keys() {
+        let summary = Summary::new(2.0, [1.0, 0.0, 0.0]);
+        let json = serde_json::to_value(row(CONTROLLERS[2], &summary, &[])).expect("a row is plain data");
+        let keys: Vec<&String> = json.as_object().expect("an object").keys().collect();
+        let expected = [
+            "answer_time_us",
+            "contact_losses",
+            "cycles",
+            "missed_samples",
+            "name",
+            "peak_force_y_n",
+            "settled_force_y_n",
+            "tangential_speed_m_s",
+        ];
+        assert_eq!(keys, expected);
+        assert_eq!(json["name"], "mpc-paper");
+    }
+}

@@ -1,0 +1,238 @@
+//! One run of daemon and plant as processes, in a root directory and under a prefix of their own. Whatever happens, nothing
+//! of it is left.
+
+use std::ffi::OsStr;
+use std::fs::File;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use admittance_host::realtime::die_with_parent;
+use ipc_types::services::{self, Access};
+use ipc_types::{IpcSettings, Node, Subscriber, TruthSample};
+use plant_sim::scenario::Scenario;
+use tempfile::TempDir;
+
+use super::Controller;
+use crate::Exit;
+
+/// Between two looks at the truth: far below what its buffer holds.
+const POLL: Duration = Duration::from_millis(10);
+/// How long the processes may take to open their services, and to end.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+struct Session {
+    directory: TempDir,
+    settings: IpcSettings,
+    children: Vec<(&'static str, Child)>,
+}
+
+/// Runs one controller and returns every truth sample from before the motion to its end.
+pub(crate) fn run(
+    controller: Controller,
+    scenario: &Scenario,
+    scenario_text: &str,
+    interrupted: &dyn Fn() -> bool,
+    mut progress: impl FnMut(f64),
+) -> Result<Vec<TruthSample>, (Exit, String)> {
+    let mut session = Session::new(scenario)?;
+    let config = session.write("daemon.toml", controller.config)?;
+    let scenario_file = session.write("scenario.toml", scenario_text)?;
+    session.start("daemon", "role-daemon", &[OsStr::new("--config"), config.as_os_str()])?;
+    session.start("plant", "role-plant", &[OsStr::new("--scenario"), scenario_file.as_os_str()])?;
+    let (_node, truths) = session.watch(interrupted)?;
+
+    let mut series: Vec<TruthSample> = Vec::new();
+    loop {
+        let ended = session.exit_status("plant");
+        while let Ok(Some(truth)) = truths.receive() {
+            if series.last().is_some_and(|last| truth.sequence != last.sequence + 1) {
+                return Err((
+                    Exit::MachineBusy,
+                    "the demo was too slow to read the plant's truth; try again".to_owned(),
+                ));
+            }
+            progress(truth.scenario_time_s);
+            series.push(*truth);
+        }
+        if interrupted() {
+            return Err((Exit::ClaimNotMet, "interrupted; nothing is claimed".to_owned()));
+        }
+        match ended {
+            Some(status) if status.success() => break,
+            Some(status) => return Err(session.failure("plant", status)),
+            None => {}
+        }
+        if let Some(status) = session.exit_status("daemon") {
+            return Err(session.failure("daemon", status));
+        }
+        std::thread::sleep(POLL);
+    }
+    session.end("daemon")?;
+    match series.first() {
+        Some(first) if first.scenario_time_s < 0.0 => Ok(series),
+        _ => Err((Exit::MachineBusy, "the motion began before the demo could watch it; try again".to_owned())),
+    }
+}
+
+impl Session {
+    fn new(scenario: &Scenario) -> Result<Self, (Exit, String)> {
+        let unavailable = |error: std::io::Error| (Exit::Unavailable, format!("no private directory in /tmp: {error}"));
+        // Sockets are limited to 108 bytes: a short path, whatever TMPDIR says.
+        let directory = tempfile::Builder::new().prefix("adm").tempdir_in("/tmp").map_err(unavailable)?;
+        let prefix = format!("adm{:x}_", std::process::id());
+        let settings = scenario
+            .ipc
+            .settings(None, Some(directory.path().join("ipc")), Some(prefix))
+            .map_err(|why| (Exit::Internal, why))?;
+        Ok(Self { directory, settings, children: Vec::new() })
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<PathBuf, (Exit, String)> {
+        let path = self.directory.path().join(name);
+        std::fs::write(&path, text).map_err(|error| (Exit::Unavailable, format!("{}: {error}", path.display())))?;
+        Ok(path)
+    }
+
+    fn log_path(&self, name: &str) -> PathBuf {
+        self.directory.path().join(format!("{name}.log"))
+    }
+
+    fn start(&mut self, name: &'static str, role: &str, arguments: &[&OsStr]) -> Result<(), (Exit, String)> {
+        let failed =
+            |error: std::io::Error| (Exit::Unavailable, format!("the {name} process cannot be started: {error}"));
+        let log = File::create(self.log_path(name)).map_err(failed)?;
+        let mut command = Command::new(std::env::current_exe().map_err(failed)?);
+        command.arg(role).args(arguments);
+        command.arg("--root-path").arg(&self.settings.root_path).args(["--prefix", &self.settings.prefix]);
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
+        // Ctrl-C reaches the demo alone, which then ends both in order.
+        command.process_group(0);
+        // SAFETY: between fork and exec only prctl is called, which is async-signal-safe.
+        unsafe { command.pre_exec(die_with_parent) };
+        self.children.push((name, command.spawn().map_err(failed)?));
+        Ok(())
+    }
+
+    /// Subscribes to the truth as soon as the plant has opened it.
+    fn watch(&mut self, interrupted: &dyn Fn() -> bool) -> Result<(Node, Subscriber<TruthSample>), (Exit, String)> {
+        let node = self.settings.node("admittancectl demo").map_err(|error| (Exit::Unavailable, error.to_string()))?;
+        let give_up = Instant::now() + PATIENCE;
+        loop {
+            let opened = services::truth(&node, &self.settings.instance, Access::Open);
+            match opened {
+                Ok(service) => {
+                    let subscriber = service.subscriber().map_err(|error| (Exit::Unavailable, error.to_string()))?;
+                    return Ok((node, subscriber));
+                }
+                Err(error) if Instant::now() > give_up => return Err((Exit::Unavailable, error.to_string())),
+                Err(_) => {}
+            }
+            for name in ["daemon", "plant"] {
+                if let Some(status) = self.exit_status(name) {
+                    return Err(self.failure(name, status));
+                }
+            }
+            if interrupted() {
+                return Err((Exit::ClaimNotMet, "interrupted; nothing is claimed".to_owned()));
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    fn child(&mut self, name: &str) -> Option<&mut Child> {
+        self.children.iter_mut().find(|(known, _)| *known == name).map(|(_, child)| child)
+    }
+
+    fn exit_status(&mut self, name: &str) -> Option<ExitStatus> {
+        self.child(name)?.try_wait().ok().flatten()
+    }
+
+    /// Ends a process by SIGTERM and expects it to end well.
+    fn end(&mut self, name: &'static str) -> Result<(), (Exit, String)> {
+        if let Some(child) = self.child(name) {
+            terminate(child);
+            let status = wait(child, PATIENCE);
+            match status {
+                Some(status) if status.success() => {}
+                Some(status) => return Err(self.failure(name, status)),
+                None => return Err((Exit::Internal, format!("the {name} process did not end after SIGTERM"))),
+            }
+        }
+        Ok(())
+    }
+
+    fn failure(&self, name: &str, status: ExitStatus) -> (Exit, String) {
+        let code = status.code().and_then(Exit::from_code).filter(|code| *code != Exit::Ok).unwrap_or(Exit::Internal);
+        (code, format!("the {name} process ended with {status}:\n{}", tail(&self.log_path(name))))
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        for (_, child) in &mut self.children {
+            terminate(child);
+        }
+        for (_, child) in &mut self.children {
+            if wait(child, Duration::from_secs(3)).is_none() {
+                // It may have ended in between: then there is nothing to kill.
+                let _ = child.kill();
+                let _ = child.wait();
+            }
+        }
+        if let Err(error) = ipc_types::remove_all(&self.settings) {
+            eprintln!("admittancectl: shared memory of the demo was not removed: {error}");
+        }
+    }
+}
+
+fn terminate(child: &mut Child) {
+    if let Ok(None) = child.try_wait() {
+        // SAFETY: kill takes numbers; the child is not reaped yet, so that its id is still its own.
+        unsafe { libc::kill(child.id() as libc::pid_t, libc::SIGTERM) };
+    }
+}
+
+fn wait(child: &mut Child, patience: Duration) -> Option<ExitStatus> {
+    let give_up = Instant::now() + patience;
+    loop {
+        if let Ok(Some(status)) = child.try_wait() {
+            return Some(status);
+        }
+        if Instant::now() > give_up {
+            return None;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// The last lines of a log.
+fn tail(path: &Path) -> String {
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    let lines: Vec<&str> = text.lines().collect();
+    lines[lines.len().saturating_sub(12)..].join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_left_of_a_session() {
+        let scenario: Scenario = admittance_host::config::parse(super::super::SCENARIO, "paper.toml").expect("valid");
+        let mut session = Session::new(&scenario).expect("/tmp is writable");
+        let directory = session.directory.path().to_owned();
+        let node = session.settings.node("test").expect("a node");
+        let sleeper = Command::new("sleep").arg("1000").spawn().expect("sleep exists");
+        let id = sleeper.id();
+        session.children.push(("sleeper", sleeper));
+        assert!(directory.join("ipc").exists());
+        drop(node);
+        let prefix = session.settings.prefix.clone();
+        drop(session);
+        assert!(!directory.exists());
+        assert!(!Path::new(&format!("/proc/{id}")).exists(), "the child is still there");
+        assert!(ipc_types::shared_memory_files(&prefix).expect("/dev/shm is readable").is_empty());
+    }
+}

@@ -1,0 +1,61 @@
+//! `admittancectl validate`: a configuration file against every key's type and range.
+
+use std::path::PathBuf;
+
+use admittance_host::config::{self, LoadError, Section, keys_markdown};
+use admittanced::config::Config;
+use plant_sim::scenario::Scenario;
+
+use crate::Exit;
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  admittancectl validate /etc/admittanced/cell-3.toml\n  \
+    admittancectl validate --scenario plant-sim/scenarios/paper.toml\n  admittancectl validate --keys")]
+pub(crate) struct Args {
+    /// Files to check.
+    #[arg(required_unless_present = "keys")]
+    files: Vec<PathBuf>,
+    /// The files are scenarios of plant-sim.
+    #[arg(long)]
+    scenario: bool,
+    /// Print every key with type, unit, range, default and meaning instead.
+    #[arg(long)]
+    keys: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
+    if args.keys {
+        let keys = if args.scenario { Scenario::keys("") } else { Config::keys("") };
+        println!("{}", keys_markdown(&keys));
+        return Ok(Exit::Ok);
+    }
+    let mut worst = Exit::Ok;
+    for file in &args.files {
+        let outcome = if args.scenario {
+            config::load::<Scenario>(file).map(|_| Ok(()))
+        } else {
+            config::load::<Config>(file).map(|config| check(&config))
+        };
+        match outcome {
+            Ok(Ok(())) => println!("{}: valid", file.display()),
+            Ok(Err(why)) => {
+                eprintln!("{}: {why}", file.display());
+                worst = Exit::Config;
+            }
+            Err(error) => {
+                eprintln!("{error}");
+                worst = match error {
+                    LoadError::Read { .. } => Exit::NoInput,
+                    LoadError::Config(_) => Exit::Config,
+                };
+            }
+        }
+    }
+    Ok(worst)
+}
+
+/// What the daemon would check beyond the keys, when it starts.
+fn check(config: &Config) -> Result<(), String> {
+    config.ipc.settings(None, None, None)?;
+    admittanced::cycle::build(config).map(|_| ())
+}

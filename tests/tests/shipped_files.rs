@@ -1,0 +1,70 @@
+//! Every shipped file is valid, and every key of every kind of file gets its own clear error when it is wrong.
+
+use std::path::{Path, PathBuf};
+
+use admittance_host::config::{load, mutation::check_every_key};
+use admittanced::config::Config;
+use end_to_end::session::{MPC_PAPER, PAPER_SCENARIO};
+use plant_sim::scenario::Scenario;
+
+fn toml_files(directory: &str) -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(directory);
+    let entries =
+        std::fs::read_dir(&root).expect("the directory is there").map(|entry| entry.expect("readable").path());
+    let files: Vec<PathBuf> = entries.filter(|path| path.extension().is_some_and(|end| end == "toml")).collect();
+    assert!(!files.is_empty(), "no TOML files in {}", root.display());
+    files
+}
+
+#[test]
+fn shipped_configs_and_scenarios_are_valid_and_describe_something_that_starts() {
+    for path in [toml_files("deploy"), toml_files("deploy/demo")].concat() {
+        let config: Config = load(&path).unwrap_or_else(|error| panic!("{error}"));
+        admittanced::cycle::build(&config).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        config.ipc.settings(None, None, None).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    }
+    for path in toml_files("plant-sim/scenarios") {
+        let scenario: Scenario = load(&path).unwrap_or_else(|error| panic!("{error}"));
+        plant_sim::run::VirtualRun::new(&scenario).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    }
+}
+
+#[test]
+fn every_key_missing_unknown_out_of_range_or_of_the_wrong_type_is_named() {
+    let daemon = check_every_key::<Config>(MPC_PAPER).unwrap_or_else(|failures| panic!("{}", failures.join("\n")));
+    let plant =
+        check_every_key::<Scenario>(PAPER_SCENARIO).unwrap_or_else(|failures| panic!("{}", failures.join("\n")));
+    println!("{daemon} wrong configurations and {plant} wrong scenarios");
+    assert!(daemon > 100 && plant > 80, "{daemon} and {plant} are too few for all keys");
+}
+
+#[test]
+fn keys_that_do_not_fit_each_other_are_named() {
+    let cases: [(&[(&str, &str)], &str); 9] = [
+        (&[("contact.force_limit", "[200.0]")], "contact.force_limit"),
+        (&[("contact.release_threshold", "[6.0, 5.0]")], "contact.release_threshold[0]"),
+        (&[("contact.minimum_force", "[300.0, 0.0]")], "contact.minimum_force[0]"),
+        (&[("mpc.step_lengths_s", "[0.004, 0.004]")], "mpc.horizon"),
+        (&[("control.law", "\"damping\"")], "damping"),
+        (&[("control.answer_budget_s", "0.005")], "control.answer_budget_s"),
+        (&[("environment.surface_normal", "[0.0, 0.0, 1.0]")], "environment.surface_normal"),
+        (&[("contact.admittance_axes", "[false, false]")], "contact.admittance_axes"),
+        (&[("robot.task_axes", "6")], "robot.task_axes"),
+    ];
+    for (changes, key) in cases {
+        let text = end_to_end::session::with_keys(MPC_PAPER, changes);
+        let errors = admittance_host::config::parse::<Config>(&text, "changed.toml").expect_err(key).to_string();
+        assert!(errors.contains(key) && errors.contains("accepted"), "{key}: {errors}");
+    }
+}
+
+#[test]
+fn scenarios_that_cannot_be_set_up_say_why() {
+    let setup = |changes: &[(&str, &str)]| {
+        let text = end_to_end::session::with_keys(PAPER_SCENARIO, changes);
+        let scenario: Scenario = admittance_host::config::parse(&text, "changed.toml").expect("valid by itself");
+        plant_sim::run::VirtualRun::new(&scenario).expect_err("cannot be set up").to_string()
+    };
+    assert!(setup(&[("start.joint_position_rad", "[1.0, 0.0]")]).contains("J is not invertible"));
+    assert!(setup(&[("surface.point_m", "[3.0, 0.68, 0.0]")]).contains("start.contact_time_s"));
+}
