@@ -1,5 +1,6 @@
 //! What the log says of cycles: each change of mode, each kind of fault at most once a second with its count.
 
+use admittance_core::sample::SampleFault;
 use admittance_host::clock::monotonic_ns;
 use ipc_types::{Mode, Motion, Side, StopReason, Verdict};
 
@@ -35,7 +36,11 @@ impl CycleLog {
             self.last = Some(state);
             transition(record);
         }
-        if let Some(fault) = &record.report.fault {
+        // A controller that is not there is no fault of a sample; the mode says it.
+        let at_rest = record.mode == Mode::Idle.code() || record.mode == Mode::Stopped.code();
+        if let Some(fault) = &record.report.fault
+            && !(at_rest && *fault == SampleFault::Silence)
+        {
             self.faults += 1;
             self.fault = fault.to_string();
         }

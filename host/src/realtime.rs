@@ -51,12 +51,28 @@ pub fn lock_memory(section: &RealtimeSection) -> StepReport {
     let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
     // SAFETY: `limit` is valid for writing.
     unsafe { libc::getrlimit(libc::RLIMIT_MEMLOCK, &raw mut limit) };
+    if limit.rlim_cur != libc::RLIM_INFINITY && !may_lock_without_limit() {
+        // The lock itself could succeed, and a later allocation then fail.
+        let kib = limit.rlim_cur / 1024;
+        let why = format!("RLIMIT_MEMLOCK is {kib} KiB: make LimitMEMLOCK infinity or give CAP_IPC_LOCK");
+        return StepReport { step, outcome: StepOutcome::Refused(why) };
+    }
     // SAFETY: mlockall takes flags only.
     let outcome = checked(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) }).map_err(|error| {
         let kib = limit.rlim_cur / 1024;
         format!("{error}; RLIMIT_MEMLOCK is {kib} KiB: raise LimitMEMLOCK or give CAP_IPC_LOCK")
     });
     StepReport { step, outcome: outcome.map_or_else(StepOutcome::Refused, |()| StepOutcome::Done) }
+}
+
+/// Whether this process has CAP_IPC_LOCK, for which RLIMIT_MEMLOCK does not count.
+fn may_lock_without_limit() -> bool {
+    const CAP_IPC_LOCK: u32 = 14;
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let effective = status.lines().find_map(|line| line.strip_prefix("CapEff:"));
+    effective
+        .and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
+        .is_some_and(|mask| mask >> CAP_IPC_LOCK & 1 == 1)
 }
 
 /// Makes the calling thread real-time as the section asks: stack, timer slack, affinity, SCHED_FIFO.

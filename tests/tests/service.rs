@@ -106,12 +106,13 @@ fn a_stop_is_reported_and_reset_once_nothing_pushes_in() {
     assert!(status.contains("\"stop_reason\":\"Infeasible\"") && status.contains("\"mode\":\"Stopped\""), "{status}");
     assert_eq!((code, text.contains("from Stopped (Infeasible) to Idle")), (Some(0), true), "{text}");
 
-    // Touch again. The plant is a new one: its samples start anew.
+    // With limits that can be met, touch again. The plant is a new one: its samples start anew.
+    write(&ipc, "daemon.toml", MPC_PAPER);
+    daemon.signal(libc::SIGHUP);
+    wait_for_log(&mut daemon, "reload: the new configuration is in force");
     let again = write(&ipc, "again.toml", &with_keys(PAPER_SCENARIO, &[("timing.command_delay_s", "0.001")]));
     run_plant(&ipc, &again, |_| {});
-    let log = daemon.stderr();
-    let after_reset = log.split("reset from Stopped").nth(1).expect("the reset is logged");
-    assert!(after_reset.contains("Contact"), "{log}");
+    wait_for_log(&mut daemon, "INFO Contact");
     daemon.terminate();
     assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
 }

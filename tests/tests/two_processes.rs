@@ -91,7 +91,7 @@ fn samples_that_may_not_reach_the_law_stop_the_arm_with_their_reason() {
         ("nan_wrench", "wrench[0] is not finite"),
         ("wrench_invalid", "wrench_valid = 0"),
         ("joint_count", "joint_count = 3"),
-        ("freeze", "SampleInvalid"),
+        ("freeze", "SampleStale"),
         ("drop", "SampleStale"),
         ("drives_disabled", "DrivesDisabled"),
     ] {

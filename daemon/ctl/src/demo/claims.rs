@@ -16,11 +16,12 @@ pub(crate) fn broken(rows: &[&Row]) -> Vec<String> {
                 broken.push(format!("{name} peaked at {peak:.1} N, it should exceed {HIGH_DAMPING_PEAK_N} N"));
             }
             _ if name.starts_with("mpc") => {
-                // Written so that NaN is no success.
-                if !(peak <= LIMIT_N) {
+                // Comparisons that are false for NaN: it is no success.
+                let (touched, within) = (peak > 0.0, peak <= LIMIT_N);
+                if !within {
                     broken.push(format!("{name} peaked at {peak:.1} N, above {LIMIT_N} N"));
                 }
-                if losses > 0 || !(peak > 0.0) {
+                if losses > 0 || !touched {
                     broken.push(format!("{name} lost contact {losses} times, or never touched"));
                 }
             }

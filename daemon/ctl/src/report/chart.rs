@@ -145,6 +145,7 @@ impl Panel {
     fn draw(&self, area: &Area<'_>) -> Result<(), Box<dyn std::error::Error>> {
         let mut plot: Plot<'_, '_> = ChartBuilder::on(area)
             .margin(MARGIN_PX * FINE)
+            .margin_right(2 * MARGIN_PX * FINE)
             .x_label_area_size((BOTTOM_PX - MARGIN_PX) * FINE)
             .y_label_area_size((LEFT_PX - MARGIN_PX) * FINE)
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;
