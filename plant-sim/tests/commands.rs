@@ -164,6 +164,21 @@ fn before_the_first_command_nothing_is_missed_and_the_offset_is_zero() {
 }
 
 #[test]
+fn samples_from_before_the_first_command_are_never_missed() {
+    // With a delay of two cycles two of them are still due when the first command comes.
+    let mut plant = plant(&at_rest(0.0081));
+    for cycle in 0..20 {
+        if cycle >= 5 {
+            plant.receive(&command(plant.sample(), &OFFSET), plant.now_ns()).expect("acceptable");
+        }
+        let truth = step(&mut plant);
+        assert_eq!((truth.missed, truth.missed_commands), (0, 0), "cycle {cycle}");
+    }
+    let shown: Vec<_> = (0..4).map(|_| step(&mut plant).missed).collect();
+    assert_eq!(shown, [0, 0, 1, 1], "two commands are under way");
+}
+
+#[test]
 fn hold_stops_the_joints_whatever_the_command() {
     let mut scenario = paper(0.0);
     scenario.timing.settle_s = 0.0;
@@ -324,7 +339,7 @@ fn disabled_drives_brake_the_arm_and_stop_its_command() {
         .fault[0]
             .clone(),
     ];
-    let truths = common::run(&scenario, |_| vec![0.0; 2]);
+    let truths = common::run(&scenario, |_| vec![0.05, 0.0]);
     let at = |time: f64| truths.iter().find(|truth| truth.scenario_time_s > time).expect("within the run");
     assert!(at(0.18).joint_velocity[1].abs() > 0.05);
     assert!(at(0.39).joint_velocity[1].abs() < 1e-4);
