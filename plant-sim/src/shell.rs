@@ -143,12 +143,16 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
         }
     }
     if !args.quiet {
+        let settled = if plant.is_finished() {
+            format!("settled |f_y| {:.1} N", summary.settled_force_y_n())
+        } else {
+            "ended by a signal".to_owned()
+        };
         tracing::info!(
-            "{}: peak |f_y| {:.1} N, contact losses {}, settled |f_y| {:.1} N, {} cycles, {} missed, {} rejected",
+            "{}: peak |f_y| {:.1} N, contact losses {}, {settled}, {} cycles, {} missed, {} rejected",
             scenario.name,
             summary.peak_force_y_n,
             summary.contact_losses,
-            summary.settled_force_y_n(),
             summary.cycles,
             summary.missed_samples,
             plant.rejected()
