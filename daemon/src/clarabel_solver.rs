@@ -4,27 +4,13 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicPtr, Ordering};
 
-use admittance_core::constraints::FIRST_STEP;
-use admittance_core::qp::{Answer, Qp, QpOutcome, QpSolver};
+use admittance_core::qp::{Answer, LANES, Qp, QpOutcome, QpSolver, RowState};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
-
-/// Clarabel scales a problem once, from the first data it sees; so rows are scaled here, to this many newtons.
-const FORCE_SCALE: f64 = 100.0;
-
-/// Which form of a problem an instance solves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Form {
-    /// lower ≤ A z ≤ upper.
-    Hard,
-    /// A z ≤ upper + t, t ≥ 0, t as the last variable.
-    LeastViolating,
-}
 
 type Expired<'a> = &'a mut dyn FnMut() -> bool;
 
 struct Instance {
-    form: Form,
     variables: usize,
     rows: usize,
     solver: DefaultSolver<f64>,
@@ -32,6 +18,7 @@ struct Instance {
     gradient: Vec<f64>,
     matrix: Vec<f64>,
     bounds: Vec<f64>,
+    row: Vec<f64>,
 }
 
 /// Settings of the solver.
@@ -57,33 +44,23 @@ impl std::fmt::Debug for ClarabelSolver {
 }
 
 impl ClarabelSolver {
-    /// Instances for every number of input axes and bounded axes up to `axes`, over `horizon` steps.
-    pub fn new(axes: usize, horizon: usize, settings: ClarabelSettings) -> Self {
+    /// Instances for every size in `sizes`: (variables, rows).
+    pub fn new(sizes: impl IntoIterator<Item = (usize, usize)>, settings: ClarabelSettings) -> Self {
         let expired = Arc::new(AtomicPtr::new(std::ptr::null_mut()));
-        let steps = (horizon + 1).saturating_sub(FIRST_STEP);
-        let mut instances = Vec::new();
-        for inputs in 1..=axes {
-            for bounded in 0..=axes {
-                for form in [Form::Hard, Form::LeastViolating] {
-                    instances.push(Instance::new(form, inputs * horizon, bounded * steps, settings, &expired));
-                }
-            }
-        }
+        let instances =
+            sizes.into_iter().map(|(variables, rows)| Instance::new(variables, rows, settings, &expired)).collect();
         Self { instances, expired }
     }
+}
 
-    fn run(
-        &mut self,
-        form: Form,
-        qp: &Qp<'_>,
-        penalty: f64,
-        answer: &mut Answer<'_>,
-        expired: Expired<'_>,
-    ) -> QpOutcome {
-        let size = (form, qp.variables, qp.rows);
-        let fits = |instance: &&mut Instance| (instance.form, instance.variables, instance.rows) == size;
-        let Some(instance) = self.instances.iter_mut().find(fits) else { return QpOutcome::Failed { iterations: 0 } };
-        if !instance.load(qp, penalty) {
+impl QpSolver for ClarabelSolver {
+    fn solve(&mut self, qp: &Qp<'_>, answer: &mut Answer<'_>, expired: &mut dyn FnMut() -> bool) -> QpOutcome {
+        let size = (qp.variables, qp.row_count);
+        let Some(instance) = self.instances.iter_mut().find(|instance| (instance.variables, instance.rows) == size)
+        else {
+            return QpOutcome::Failed { iterations: 0 };
+        };
+        if !instance.load(qp) {
             return QpOutcome::Failed { iterations: 0 };
         }
         let mut expired = expired;
@@ -92,22 +69,6 @@ impl ClarabelSolver {
         instance.solver.solve();
         self.expired.store(std::ptr::null_mut(), Ordering::Relaxed);
         instance.answer(qp, answer)
-    }
-}
-
-impl QpSolver for ClarabelSolver {
-    fn solve(&mut self, qp: &Qp<'_>, answer: &mut Answer<'_>, expired: &mut dyn FnMut() -> bool) -> QpOutcome {
-        self.run(Form::Hard, qp, 0.0, answer, expired)
-    }
-
-    fn solve_least_violating(
-        &mut self,
-        qp: &Qp<'_>,
-        penalty: f64,
-        answer: &mut Answer<'_>,
-        expired: &mut dyn FnMut() -> bool,
-    ) -> QpOutcome {
-        self.run(Form::LeastViolating, qp, penalty, answer, expired)
     }
 }
 
@@ -129,19 +90,15 @@ fn dense_pattern(rows: usize, columns: usize, upper_triangle: bool) -> CscMatrix
 
 impl Instance {
     fn new(
-        form: Form,
         variables: usize,
         rows: usize,
         settings: ClarabelSettings,
         expired: &Arc<AtomicPtr<Expired<'static>>>,
     ) -> Self {
-        let columns = variables + usize::from(form == Form::LeastViolating);
-        let inequalities = match form {
-            Form::Hard => 2 * rows,
-            Form::LeastViolating => rows + 1,
-        };
-        let hessian = dense_pattern(columns, columns, true);
-        let matrix = dense_pattern(inequalities, columns, false);
+        // Every row twice, for its two bounds.
+        let inequalities = 2 * rows;
+        let hessian = dense_pattern(variables, variables, true);
+        let matrix = dense_pattern(inequalities, variables, false);
         let solver_settings = DefaultSettings {
             verbose: false,
             max_iter: settings.max_iterations,
@@ -155,7 +112,7 @@ impl Instance {
             max_threads: 1,
             ..DefaultSettings::default()
         };
-        let (gradient, bounds) = (vec![0.0; columns], vec![1.0; inequalities]);
+        let (gradient, bounds) = (vec![0.0; variables], vec![1.0; inequalities]);
         let cones = [SupportedConeT::NonnegativeConeT(inequalities)];
         let mut solver = DefaultSolver::new(&hessian, &gradient, &matrix, &bounds, &cones, solver_settings)
             .expect("a dense convex problem with fixed settings is always accepted");
@@ -167,7 +124,6 @@ impl Instance {
             !expired.is_null() && unsafe { (*expired)() }
         });
         Self {
-            form,
             variables,
             rows,
             solver,
@@ -175,51 +131,33 @@ impl Instance {
             gradient,
             matrix: vec![0.0; matrix.nzval.len()],
             bounds,
+            row: vec![0.0; variables + LANES],
         }
     }
 
-    /// Copies the problem into the solver; false when it refuses it.
-    fn load(&mut self, qp: &Qp<'_>, penalty: f64) -> bool {
+    /// Copies the problem into the solver; false when it refuses it. Clarabel scales a problem once, from the first data it
+    /// sees; so rows are scaled here, by their weights. A bound that is not there becomes 0 ≤ 1.
+    fn load(&mut self, qp: &Qp<'_>) -> bool {
         let n = qp.variables;
         let mut at = 0;
         for column in 0..n {
             for row in 0..=column {
-                self.hessian[at] = qp.hessian[row * n + column];
+                self.hessian[at] = qp.hessian[row * qp.stride + column];
                 at += 1;
             }
         }
-        self.gradient[..n].copy_from_slice(qp.gradient);
-        let scale = FORCE_SCALE.recip();
-        at = 0;
-        for column in 0..n {
-            for row in 0..qp.rows {
-                self.matrix[at + row] = qp.matrix[row * n + column] * scale;
-            }
-            at += qp.rows;
-            if self.form == Form::Hard {
-                for row in 0..qp.rows {
-                    self.matrix[at + row] = -qp.matrix[row * n + column] * scale;
+        self.gradient.copy_from_slice(&qp.gradient[..n]);
+        for row in 0..self.rows {
+            self.row.fill(0.0);
+            qp.rows.coefficients(row, &mut self.row[..qp.stride]);
+            for (index, (sign, bound)) in [(1.0, qp.upper[row]), (-1.0, -qp.lower[row])].into_iter().enumerate() {
+                let row_of_matrix = index * self.rows + row;
+                let scale = if bound.is_finite() { sign * qp.weight[row] } else { 0.0 };
+                self.bounds[row_of_matrix] = if bound.is_finite() { bound * qp.weight[row] } else { 1.0 };
+                for (column, coefficient) in self.row[..n].iter().enumerate() {
+                    self.matrix[column * 2 * self.rows + row_of_matrix] = coefficient * scale;
                 }
-                at += qp.rows;
-            } else {
-                self.matrix[at] = 0.0;
-                at += 1;
             }
-        }
-        for row in 0..qp.rows {
-            self.bounds[row] = qp.upper[row] * scale;
-            if self.form == Form::Hard {
-                self.bounds[qp.rows + row] = -qp.lower[row] * scale;
-            }
-        }
-        if self.form == Form::LeastViolating {
-            // t in FORCE_SCALE newtons: its column is −1 in every row, −t ≤ 0 last; a trace of curvature for the solver.
-            self.matrix[at..].fill(-1.0);
-            self.bounds[qp.rows] = 0.0;
-            self.gradient[n] = penalty * FORCE_SCALE;
-            let last = self.hessian.len() - 1;
-            self.hessian[last - n..last].fill(0.0);
-            self.hessian[last] = 1e-6;
         }
         self.solver.update_data(&self.hessian, &self.gradient, &self.matrix, &self.bounds).is_ok()
     }
@@ -227,10 +165,14 @@ impl Instance {
     fn answer(&self, qp: &Qp<'_>, answer: &mut Answer<'_>) -> QpOutcome {
         let solution = &self.solver.solution;
         let iterations = solution.iterations;
-        answer.z.copy_from_slice(&solution.x[..qp.variables]);
-        for row in 0..qp.rows {
-            let lower = if self.form == Form::Hard { solution.z[qp.rows + row] } else { 0.0 };
-            answer.multipliers[row] = (solution.z[row] - lower) / FORCE_SCALE;
+        answer.z[..qp.variables].copy_from_slice(&solution.x[..qp.variables]);
+        answer.z[qp.variables..].fill(0.0);
+        // An interior point has no working set.
+        answer.working.fill(RowState::Inactive);
+        for row in 0..self.rows {
+            let multiplier = |index: usize, bound: f64| if bound.is_finite() { solution.z[index] } else { 0.0 };
+            let (upper, lower) = (multiplier(row, qp.upper[row]), multiplier(self.rows + row, qp.lower[row]));
+            answer.multipliers[row] = (upper - lower) * qp.weight[row];
         }
         match solution.status {
             SolverStatus::Solved => QpOutcome::Solved { iterations },

@@ -156,6 +156,16 @@ config_enum! {
     }
 }
 
+config_enum! {
+    /// Who solves the QP of a cycle.
+    pub enum SolverName {
+        /// The structured dual active-set method.
+        ActiveSet = "active_set",
+        /// Clarabel, a general interior-point method: the reference, many times slower.
+        Clarabel = "clarabel",
+    }
+}
+
 config_section! {
     /// The MPC (18). A minimum-force stop uses its model and horizon under every law.
     pub struct MpcSection {
@@ -179,10 +189,12 @@ config_section! {
         input_weight: Vec<f64>, unit "s^2/m^2, s^2/rad^2", range 1e-6..=1e9, length 2..=6;
         /// What an infeasible verdict leads to.
         on_infeasible: OnInfeasibleName = OnInfeasibleName::Halt;
-        /// Tolerance of the solver, relative.
+        /// Who solves the QP.
+        solver: SolverName = SolverName::ActiveSet;
+        /// Relative tolerance of Clarabel. Under either solver a solution is used if its residual is at most 1000 times this.
         solver_tolerance: f64 = 1e-8, unit "1", range 1e-12..=1e-4;
-        /// Iteration limit of the solver.
-        max_iterations: u32 = 50, unit "iterations", range 5..=500;
+        /// Iteration limit of the solver. The active-set method takes one for every bound that begins or ceases to hold.
+        max_iterations: u32 = 300, unit "iterations", range 5..=2000;
     }
     cross_check one_kind_of_horizon;
 }

@@ -13,8 +13,8 @@ use admittance_core::sample::SampleFault;
 use admittance_core::{ResetRefused, robot::Singular};
 use ipc_types::{CommandSample, StateSample};
 
-use crate::clarabel_solver::{ClarabelSettings, ClarabelSolver};
 use crate::config::Config;
+use crate::solver::Solver;
 use crate::{parameters, wire};
 
 /// What a cycle tells besides its command, for log and record.
@@ -69,7 +69,7 @@ pub trait Cycle {
 }
 
 struct ArmCycle<const N: usize, const D: usize> {
-    controller: Controller<N, D, ClarabelSolver, Box<[f64]>>,
+    controller: Controller<N, D, Solver, Box<[f64]>>,
     command_delay: u64,
     parameters: Parameters<N, D>,
 }
@@ -92,10 +92,7 @@ pub fn build(config: &Config) -> Result<Box<dyn Cycle + Send>, String> {
 fn build_arm<const N: usize, const D: usize>(config: &Config) -> Result<Box<dyn Cycle + Send>, String> {
     let parameters = parameters::parameters::<N, D>(config)
         .ok_or("the configuration's lists do not fit the arm: run admittancectl validate on it")?;
-    let settings =
-        ClarabelSettings { tolerance: config.mpc.solver_tolerance, max_iterations: config.mpc.max_iterations };
-    let inputs = parameters.thresholds.admittance.iter().filter(|admittance| **admittance).count();
-    let solver = ClarabelSolver::new(inputs, parameters.mpc.horizon, settings);
+    let solver = Solver::new(&config.mpc, &parameters);
     let storage = vec![0.0; Capacity::new::<N, D>(parameters.mpc.horizon).storage_len()].into_boxed_slice();
     let controller = Controller::new(parameters, solver, storage).map_err(|error| error.to_string())?;
     let command_delay = nanoseconds(parameters.timing.command_delay);

@@ -14,6 +14,7 @@ mod notify;
 pub mod parameters;
 mod realtime_thread;
 mod service_thread;
+mod solver;
 mod start;
 mod wire;
 

@@ -11,10 +11,8 @@ use nalgebra::{SVector, Vector3};
 
 use crate::config::{Config, DiscretizationName, InputsName, LawName, OnInfeasibleName, WeightSpace};
 
-/// Largest relative KKT residual of a usable solution, as a multiple of the solver's own tolerance.
+/// Largest KKT residual of a usable solution, as a multiple of the solver's own tolerance.
 const RESIDUAL_FACTOR: f64 = 1e3;
-/// Largest violation of a force bound in a usable solution, in N.
-const FORCE_TOLERANCE_N: f64 = 0.05;
 
 /// The parameters for N joints and D axes; `None` when the configuration is for other numbers.
 ///
@@ -90,7 +88,6 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
                 OnInfeasibleName::MinimumForce => OnInfeasible::MinimumForceStop,
             },
             solution_tolerance: mpc.solver_tolerance * RESIDUAL_FACTOR,
-            force_tolerance: FORCE_TOLERANCE_N,
         },
         limits: OffsetLimits {
             offset: vector(&config.limits.velocity_offset)?,

@@ -10,6 +10,8 @@ pub enum ExitCode {
     ClaimNotMet = 1,
     /// Wrong command line (EX_USAGE).
     Usage = 64,
+    /// An input file is not what it should be (EX_DATAERR).
+    DataError = 65,
     /// An input file is missing (EX_NOINPUT).
     NoInput = 66,
     /// Something needed is not there, or held by another process; also a missing processor feature (EX_UNAVAILABLE).
@@ -26,10 +28,11 @@ pub enum ExitCode {
 
 impl ExitCode {
     /// Every code, in ascending order.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Ok,
         Self::ClaimNotMet,
         Self::Usage,
+        Self::DataError,
         Self::NoInput,
         Self::Unavailable,
         Self::Internal,
@@ -62,7 +65,7 @@ mod tests {
     #[test]
     fn codes_are_those_of_sysexits() {
         let codes = ExitCode::ALL.map(ExitCode::code);
-        assert_eq!(codes, [0, 1, 64, 66, 69, 70, 75, 77, 78]);
+        assert_eq!(codes, [0, 1, 64, 65, 66, 69, 70, 75, 77, 78]);
     }
 
     #[test]

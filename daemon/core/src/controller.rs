@@ -2,10 +2,11 @@
 
 use nalgebra::SVector;
 
-use crate::condensation::{Capacity, Workspace};
+use crate::condensation::Workspace;
 use crate::contact::Contact;
 use crate::damping;
 use crate::feasibility::Verdict;
+use crate::horizon::Horizon;
 use crate::mode::{Mode, StopReason, Transition};
 use crate::optimization::Optimized;
 use crate::outcome::{Counters, Motion, Outcome, Source};
@@ -15,6 +16,7 @@ use crate::qp::QpSolver;
 use crate::robot::{InverseJacobian, Kinematics, Singular, right_inverse};
 use crate::sample::{Sample, SampleFault, SampleHistory};
 use crate::stopping;
+use crate::warm_start::WarmStart;
 
 /// What a cycle starts from.
 #[derive(Debug, Clone, Copy)]
@@ -30,7 +32,9 @@ pub enum Event<'a, const N: usize, const D: usize> {
 pub struct Controller<const N: usize, const D: usize, S, B> {
     pub(crate) parameters: Parameters<N, D>,
     pub(crate) solver: S,
+    pub(crate) horizon: Horizon<N, D>,
     pub(crate) workspace: Workspace<B>,
+    pub(crate) warm_start: WarmStart,
     pub(crate) contact: Contact<D>,
     pub(crate) plan: Plan<D>,
     /// Whether the plan is one of several steps, made in contact.
@@ -58,15 +62,17 @@ pub(crate) struct Pose<const N: usize, const D: usize> {
 }
 
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N, D, S, B> {
-    /// A controller that has seen nothing. `storage` holds at least [`Capacity::storage_len`] numbers for the horizon.
+    /// A controller that has seen nothing. `storage` holds at least [`Capacity::storage_len`](crate::condensation::Capacity::storage_len) numbers for the horizon.
     ///
     /// # Errors
     /// [`ParameterError`]; a storage that is too short counts as [`ParameterError::Horizon`].
     pub fn new(parameters: Parameters<N, D>, solver: S, storage: B) -> Result<Self, ParameterError> {
         parameters.check()?;
-        let capacity = Capacity::new::<N, D>(parameters.mpc.horizon);
+        let horizon = parameters.horizon();
         Ok(Self {
-            workspace: Workspace::new(capacity, storage).ok_or(ParameterError::Horizon)?,
+            workspace: Workspace::new(&horizon, &parameters.mpc.weights, storage).ok_or(ParameterError::Horizon)?,
+            horizon,
+            warm_start: WarmStart::empty(),
             enabled: parameters.start_enabled,
             stop_reason: (!parameters.start_enabled).then_some(StopReason::Disabled),
             parameters,

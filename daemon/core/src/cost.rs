@@ -1,8 +1,8 @@
 //! The cost (18a): Σ_{k=1..H} (x_k − x⁰)ᵀ Q (x_k − x⁰) + Σ_{k=0..H−1} u_kᵀ R u_k.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 
-/// How Q is given.
+/// Q. The blocks between q, q̇ and f̂ are zero; only the axes with a wrench state count in the last.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Weights<const N: usize, const D: usize> {
     /// Diagonal in joint space, as (23a).
@@ -23,40 +23,6 @@ pub enum Weights<const N: usize, const D: usize> {
         /// Weight of each axis's wrench error, 1/N² and 1/(N·m)².
         wrench: SVector<f64, D>,
     },
-}
-
-/// Q of one cycle, block by block; the blocks between q, q̇ and f̂ are zero.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StateWeights<const N: usize, const D: usize> {
-    /// N×N block on q.
-    pub joint_position: SMatrix<f64, N, N>,
-    /// N×N block on q̇.
-    pub joint_velocity: SMatrix<f64, N, N>,
-    /// Diagonal of the block on f̂; only the axes with a wrench state count.
-    pub wrench: SVector<f64, D>,
-}
-
-impl<const N: usize, const D: usize> Weights<N, D> {
-    /// Q at the task Jacobian J of this cycle (D×N).
-    pub fn at(&self, jacobian: &SMatrix<f64, D, N>) -> StateWeights<N, D> {
-        match self {
-            Self::Joint { position, velocity, wrench } => StateWeights {
-                joint_position: SMatrix::from_diagonal(position),
-                joint_velocity: SMatrix::from_diagonal(velocity),
-                wrench: *wrench,
-            },
-            Self::Task { position, velocity, wrench } => StateWeights {
-                joint_position: weigh(jacobian, position),
-                joint_velocity: weigh(jacobian, velocity),
-                wrench: *wrench,
-            },
-        }
-    }
-}
-
-/// Jᵀ diag(w) J.
-fn weigh<const N: usize, const D: usize>(jacobian: &SMatrix<f64, D, N>, w: &SVector<f64, D>) -> SMatrix<f64, N, N> {
-    jacobian.transpose() * SMatrix::<f64, D, D>::from_diagonal(w) * jacobian
 }
 
 /// x⁰ = [q0; q̇0; f_ref], constant over the horizon. The paper's f_ref is 0 (remark 3).

@@ -1,6 +1,6 @@
 //! The verdict: can the force bounds still be met?
 
-use crate::condensation::Prediction;
+use crate::condensation::MpcRows;
 use crate::qp::{Qp, certificate_gap};
 
 /// Which bound of s·f_lin.
@@ -39,38 +39,40 @@ pub enum Verdict {
     },
 }
 
-fn end_of_step(steps: &[f64], k: usize) -> f64 {
-    steps[..k].iter().sum()
-}
-
-/// The verdict on a solved problem: the smallest slack to an upper bound under the inputs `z`.
-pub fn margin_of<const N: usize, const D: usize>(prediction: &Prediction<'_, N, D>, qp: &Qp<'_>, z: &[f64]) -> Verdict {
-    let mut best = (f64::INFINITY, 0);
-    for row in 0..qp.rows {
-        let value: f64 = qp.row(row).iter().zip(z).map(|(a, z)| a * z).sum();
-        let margin = qp.upper[row] - value;
-        if margin < best.0 {
-            best = (margin, row);
+/// The verdict on a solved problem: the smallest slack to an upper force bound under the inputs `z`. `scratch` is as long as
+/// the rows rounded up to whole groups.
+pub fn margin_of<const N: usize, const D: usize, const M: usize>(
+    rows: &MpcRows<'_, N, D, M>,
+    qp: &Qp<'_>,
+    z: &[f64],
+    scratch: &mut [f64],
+) -> Verdict {
+    qp.rows.values(z, scratch);
+    let mut best: Option<(f64, usize)> = None;
+    for row in rows.force_rows() {
+        let margin = qp.upper[row] - scratch[row];
+        if best.is_none_or(|(least, _)| margin < least) {
+            best = Some((margin, row));
         }
     }
-    if qp.rows == 0 {
-        return Verdict::None;
-    }
-    let (bound, k) = prediction.bounds.row(best.1);
-    Verdict::Feasible { margin: best.0, axis: bound.axis, time: end_of_step(prediction.steps, k) }
+    let Some((margin, row)) = best else { return Verdict::None };
+    let (axis, time) = rows.force_row(row);
+    Verdict::Feasible { margin: margin - rows.slack(z), axis, time }
 }
 
 /// The verdict on a problem that the solver calls infeasible, if its certificate `y` proves it for every input within
-/// `reach` (m/s, rad/s); `None` when it does not.
-pub fn checked_infeasible<const N: usize, const D: usize>(
-    prediction: &Prediction<'_, N, D>,
+/// `reach` (m/s, rad/s); `None` when it does not. `scratch` is at least stride long.
+pub fn checked_infeasible<const N: usize, const D: usize, const M: usize>(
+    rows: &MpcRows<'_, N, D, M>,
     qp: &Qp<'_>,
     y: &[f64],
     reach: f64,
+    scratch: &mut [f64],
 ) -> Option<Verdict> {
-    let shortfall = certificate_gap(qp, y, reach)?;
-    let row = (0..qp.rows).max_by(|&a, &b| y[a].abs().total_cmp(&y[b].abs()))?;
-    let (bound, k) = prediction.bounds.row(row);
+    let force = rows.force_rows();
+    let shortfall = certificate_gap(qp, y, reach, &|row| force.contains(&row), scratch)?;
+    let row = rows.force_rows().max_by(|&a, &b| y[a].abs().total_cmp(&y[b].abs()))?;
+    let (axis, time) = rows.force_row(row);
     let side = if y[row] > 0.0 { Side::Upper } else { Side::Lower };
-    Some(Verdict::Infeasible { axis: bound.axis, side, time: end_of_step(prediction.steps, k), shortfall })
+    Some(Verdict::Infeasible { axis, side, time, shortfall })
 }

@@ -35,6 +35,7 @@ pub mod damping;
 pub mod environment;
 mod fallback;
 pub mod feasibility;
+pub mod horizon;
 pub mod mode;
 pub mod model;
 mod optimization;
@@ -46,5 +47,6 @@ mod requests;
 pub mod robot;
 pub mod sample;
 mod stopping;
+pub mod warm_start;
 
 pub use requests::ResetRefused;

@@ -3,8 +3,8 @@
 
 use nalgebra::SVector;
 
-use crate::condensation::{InputAxes, Prediction, condense};
-use crate::constraints::{AxisBound, ForceBounds};
+use crate::condensation::{InputAxes, MpcRows, Prediction, condense};
+use crate::constraints::{AxisBound, Constraints, ForceBounds};
 use crate::controller::{Controller, Pose};
 use crate::cost::SetPoint;
 use crate::feasibility::{Verdict, checked_infeasible, margin_of};
@@ -38,13 +38,6 @@ impl Optimized {
     }
 }
 
-/// Whether upper bounds may be softened.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Bounds {
-    Hard,
-    LeastViolating,
-}
-
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N, D, S, B> {
     /// (18) for the axes in contact.
     pub(crate) fn optimize(
@@ -75,22 +68,25 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
                 SVector::from_fn(|axis, _| sample.twist_reference[axis] + if inputs[axis] { 0.0 } else { ramp[axis] });
             since += step;
         }
+        let known_twist = &known_twist[..mpc.steps().len()];
         let prediction = Prediction {
             initial: state_of(sample),
-            steps: mpc.steps(),
-            known_twist: &known_twist[..mpc.steps().len()],
+            known_reference: &references(pose, known_twist)[..known_twist.len()],
             inputs: InputAxes::from_mask(&inputs),
+            previous_input: self.offset,
             wrench_axes: InputAxes::from_mask(&active),
-            bounds,
+            constraints: Constraints::of_force(bounds),
             set_point: SetPoint {
                 joint_position: sample.joint_position_reference,
                 joint_velocity: pose.inverse.joint_velocity(&sample.twist_reference),
                 wrench: SVector::zeros(),
             },
-            weights: mpc.weights.at(&pose.kinematics.task_jacobian()),
+            weights: &mpc.weights,
+            jacobian: pose.kinematics.task_jacobian(),
             input_weight: mpc.input_weight,
+            slack_price: None,
         };
-        self.run(sample, pose, &prediction, Bounds::Hard, expired)
+        self.run(sample, pose, &prediction, known_twist, expired)
     }
 
     /// The minimum-force stop. Its inputs are the absolute twist; the plan holds them as offsets to ṗ0.
@@ -106,16 +102,18 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let admittance = self.parameters.thresholds.admittance;
         let prediction = Prediction {
             initial,
-            steps: mpc.steps(),
-            known_twist: &[SVector::zeros(); MAX_STEPS][..mpc.steps().len()],
+            known_reference: &[SVector::zeros(); MAX_STEPS][..mpc.steps().len()],
             inputs: InputAxes::from_mask(&admittance),
+            previous_input: sample.twist_reference + self.offset,
             wrench_axes: InputAxes::from_mask(&admittance),
-            bounds: stopping::bounds(&self.parameters),
+            constraints: Constraints::of_force(stopping::bounds(&self.parameters)),
             set_point: stopping::set_point(&initial),
-            weights: weights.at(&pose.kinematics.task_jacobian()),
+            weights: &weights,
+            jacobian: pose.kinematics.task_jacobian(),
             input_weight,
+            slack_price: Some(stopping::SLACK_PRICE),
         };
-        self.run(sample, pose, &prediction, Bounds::LeastViolating, expired)
+        self.run(sample, pose, &prediction, &[SVector::zeros(); MAX_STEPS][..mpc.steps().len()], expired)
     }
 
     /// Whether a stop may come to rest at this sample.
@@ -132,56 +130,62 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     }
 
     fn model(&self, sample: &Sample<N, D>, pose: &Pose<N, D>) -> Model<N, D> {
-        Model::new(
-            self.parameters.mpc.discretization,
-            &self.parameters.environment,
-            &pose.kinematics,
-            &pose.inverse,
-            &sample.joint_position,
-            self.parameters.velocity_time_constant,
-            self.parameters.wrench_time_constant,
-        )
+        Model::new(&self.parameters.environment, &pose.kinematics, &pose.inverse, &sample.joint_position)
     }
 
+    /// Solves a prediction whose inputs act on top of `known_twist` in each step, and leaves the result in the plan.
     fn run(
         &mut self,
         sample: &Sample<N, D>,
         pose: &Pose<N, D>,
         prediction: &Prediction<'_, N, D>,
-        bounds: Bounds,
+        known_twist: &[SVector<f64, D>],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Optimized {
+        // The number of inputs is known to the compiler from here on: loops over them become straight code.
+        match prediction.inputs.as_slice().len() {
+            1 => self.run_with::<1>(sample, pose, prediction, known_twist, expired),
+            2 => self.run_with::<2>(sample, pose, prediction, known_twist, expired),
+            3 => self.run_with::<3>(sample, pose, prediction, known_twist, expired),
+            4 => self.run_with::<4>(sample, pose, prediction, known_twist, expired),
+            5 => self.run_with::<5>(sample, pose, prediction, known_twist, expired),
+            6 => self.run_with::<6>(sample, pose, prediction, known_twist, expired),
+            _ => Optimized::Failed { iterations: 0 },
+        }
+    }
+
+    fn run_with<const M: usize>(
+        &mut self,
+        sample: &Sample<N, D>,
+        pose: &Pose<N, D>,
+        prediction: &Prediction<'_, N, D>,
+        known_twist: &[SVector<f64, D>],
         expired: &mut dyn FnMut() -> bool,
     ) -> Optimized {
         if expired() {
             return Optimized::Expired { iterations: 0 };
         }
         let model = self.model(sample, pose);
-        let (n, rows) = prediction.size();
-        let Some(mut pieces) = self.workspace.pieces(n, rows) else { return Optimized::Failed { iterations: 0 } };
-        condense(&model, prediction, &mut pieces);
-        let (qp, mut answer) = pieces.split();
-        let outcome = match bounds {
-            Bounds::Hard => self.solver.solve(&qp, &mut answer, expired),
-            Bounds::LeastViolating => self.solver.solve_least_violating(&qp, stopping::PENALTY, &mut answer, expired),
+        let Some(rows) = MpcRows::<N, D, M>::new(&model, &self.horizon, prediction) else {
+            return Optimized::Failed { iterations: 0 };
         };
+        let Some(mut pieces) = self.workspace.pieces(&rows) else { return Optimized::Failed { iterations: 0 } };
+        condense(&rows, &mut pieces);
+        self.warm_start.guess(&rows.layout, &self.horizon, sample.stamp, pieces.answer.working);
+        let (qp, mut answer, scratch) = pieces.split(&rows);
+        let outcome = self.solver.solve(&qp, &mut answer, expired);
         let iterations = outcome.iterations();
-        let mpc = &self.parameters.mpc;
         let verdict = match outcome {
             QpOutcome::Solved { .. } => {
-                let residual = kkt_residual(&qp, answer.z, answer.multipliers);
-                let violation = if bounds == Bounds::Hard { mpc.force_tolerance } else { f64::INFINITY };
-                // The multipliers of a softened problem belong to shifted bounds: only its stationarity can be checked.
-                let usable = match bounds {
-                    Bounds::Hard => residual.is_within(mpc.solution_tolerance, violation),
-                    Bounds::LeastViolating => residual.stationarity <= mpc.solution_tolerance,
-                };
-                if !usable || !answer.z.iter().all(|z| z.is_finite()) {
+                let residual = kkt_residual(&qp, answer.z, answer.multipliers, scratch);
+                if !residual.is_within(self.parameters.mpc.solution_tolerance) {
                     return Optimized::Failed { iterations };
                 }
-                margin_of(prediction, &qp, answer.z)
+                margin_of(&rows, &qp, answer.z, scratch)
             }
             QpOutcome::Infeasible { .. } => {
                 let reach = self.parameters.limits.offset.max();
-                return match checked_infeasible(prediction, &qp, answer.multipliers, reach) {
+                return match checked_infeasible(&rows, &qp, answer.multipliers, reach, scratch) {
                     Some(verdict) => Optimized::Infeasible { verdict, iterations },
                     None => Optimized::Failed { iterations },
                 };
@@ -189,16 +193,16 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             QpOutcome::Expired { .. } => return Optimized::Expired { iterations },
             QpOutcome::Failed { .. } => return Optimized::Failed { iterations },
         };
+        self.warm_start.learn(&rows.layout, &self.horizon, sample.stamp, answer.working);
         // Every step's twist, as an offset to the ṗ0 of this sample.
-        let inputs = prediction.inputs.as_slice();
         self.plan.restart(sample.stamp);
         self.planned = true;
-        for (step, z) in answer.z.chunks_exact(inputs.len()).enumerate() {
-            let mut twist = prediction.known_twist[step];
-            for (&axis, value) in inputs.iter().zip(z) {
+        for (step, known) in known_twist.iter().enumerate() {
+            let mut twist = *known;
+            for (&axis, value) in prediction.inputs.as_slice().iter().zip(&answer.z[rows.inputs_of(step)]) {
                 twist[axis] += value;
             }
-            self.plan.push(twist - sample.twist_reference, prediction.steps[step]);
+            self.plan.push(twist - sample.twist_reference, self.horizon.steps()[step].duration);
         }
         Optimized::Planned { verdict, iterations }
     }
@@ -206,4 +210,17 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
 
 fn state_of<const N: usize, const D: usize>(sample: &Sample<N, D>) -> State<N, D> {
     State { joint_position: sample.joint_position, joint_velocity: sample.joint_velocity, wrench: sample.wrench }
+}
+
+/// J⁻¹ of the twist in each step.
+fn references<const N: usize, const D: usize>(
+    pose: &Pose<N, D>,
+    twists: &[SVector<f64, D>],
+) -> [SVector<f64, N>; MAX_STEPS] {
+    let mut references = [SVector::zeros(); MAX_STEPS];
+    for (step, twist) in twists.iter().enumerate() {
+        let is_repeated = step > 0 && twists[step - 1] == *twist;
+        references[step] = if is_repeated { references[step - 1] } else { pose.inverse.joint_velocity(twist) };
+    }
+    references
 }

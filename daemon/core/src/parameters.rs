@@ -6,6 +6,7 @@ use nalgebra::SVector;
 use crate::contact::Thresholds;
 use crate::cost::Weights;
 use crate::environment::Environment;
+use crate::horizon::Horizon;
 use crate::model::Discretization;
 use crate::plan::MAX_STEPS;
 use crate::robot::Chain;
@@ -61,10 +62,8 @@ pub struct Mpc<const N: usize, const D: usize> {
     pub minimum_force: SVector<f64, D>,
     /// What infeasibility leads to.
     pub on_infeasible: OnInfeasible,
-    /// Largest relative KKT residual of a solution that may be used.
+    /// Largest KKT residual of a solution that may be used, relative to the values that it is made of.
     pub solution_tolerance: f64,
-    /// Largest violation of a force bound, in N, in a solution that may be used.
-    pub force_tolerance: f64,
 }
 
 impl<const N: usize, const D: usize> Mpc<N, D> {
@@ -176,6 +175,17 @@ impl core::fmt::Display for ParameterError {
 impl core::error::Error for ParameterError {}
 
 impl<const N: usize, const D: usize> Parameters<N, D> {
+    /// The horizon of the MPC; the force is bounded at the end of every step.
+    pub fn horizon(&self) -> Horizon<N, D> {
+        Horizon::new(
+            self.mpc.discretization,
+            self.mpc.steps(),
+            |_| &[],
+            &self.velocity_time_constant,
+            &self.wrench_time_constant,
+        )
+    }
+
     /// Checks what the law cannot live without.
     ///
     /// # Errors

@@ -11,7 +11,7 @@ use crate::model::{Model, State};
 use crate::parameters::Parameters;
 
 /// Cost in s²/m² · (m/s)² per N of violation: far above the sum of multipliers, which the cost of a twist of 1 m/s bounds.
-pub(crate) const PENALTY: f64 = 1e3;
+pub(crate) const SLACK_PRICE: f64 = 1e3;
 /// R of the stop, relative to its velocity weight: only enough to make the QP strictly convex.
 const INPUT_WEIGHT: f64 = 1e-2;
 /// Normal speed in m/s that still counts as zero.
@@ -68,8 +68,30 @@ pub(crate) fn may_rest<const N: usize, const D: usize>(
     let environment = &parameters.environment;
     let limit = parameters.stopping.stop_force;
     let measured = environment.pressing_force(&state.wrench);
-    let coasting = model.peak_while_coasting(state, &-environment.normal);
+    let coasting = peak_while_coasting(model, &parameters.velocity_time_constant, state, &-environment.normal);
     outward_speed >= -STANDSTILL && measured <= limit && coasting <= limit
+}
+
+/// Largest f_lin along `direction` (in N, summed over axes) while the arm coasts from `x` under zero joint velocity
+/// reference: q(t) = q + T_V q̇ (1 − exp(−t/T_V)), seen at 32 instants over five of the largest T_V.
+fn peak_while_coasting<const N: usize, const D: usize>(
+    model: &Model<N, D>,
+    velocity_time_constant: &SVector<f64, N>,
+    x: &State<N, D>,
+    direction: &SVector<f64, D>,
+) -> f64 {
+    const INSTANTS: u32 = 32;
+    let end = 5.0 * velocity_time_constant.max();
+    let mut peak = f64::NEG_INFINITY;
+    for instant in 0..=INSTANTS {
+        let t = end * f64::from(instant) / f64::from(INSTANTS);
+        let q = SVector::from_fn(|joint, _| {
+            let lag = velocity_time_constant[joint];
+            x.joint_position[joint] + lag * x.joint_velocity[joint] * (1.0 - libm::exp(-t / lag))
+        });
+        peak = peak.max(direction.dot(&model.linear_wrench(&q)));
+    }
+    peak
 }
 
 /// The twist of a stopped arm: ṗ0 if it points out of the surface, slowed to `retreat_speed`; `None` where it does not.

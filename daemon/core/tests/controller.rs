@@ -10,9 +10,8 @@ use admittance_core::feasibility::Verdict;
 use admittance_core::mode::{Mode, StopReason};
 use admittance_core::outcome::{Motion, Outcome, Source};
 use admittance_core::parameters::{OnInfeasible, Parameters};
-use admittance_core::qp::{Answer, Qp, QpOutcome, QpSolver};
+use admittance_core::qp::{ActiveSet, Answer, Qp, QpOutcome, QpSolver};
 use admittance_core::sample::{Field, Sample, SampleFault};
-use admittanced::clarabel_solver::ClarabelSolver;
 use common::{CYCLE, PlanarController, normal, parameters, pressing, pushing, step};
 use nalgebra::Vector2;
 
@@ -28,10 +27,10 @@ enum Script {
     Lie(f64),
 }
 
-/// Follows its script, then solves with Clarabel.
+/// Follows its script, then solves.
 struct Scripted {
     script: VecDeque<Script>,
-    clarabel: ClarabelSolver,
+    solver: ActiveSet<Vec<f64>>,
 }
 
 impl Scripted {
@@ -55,24 +54,14 @@ impl Scripted {
 
 impl QpSolver for Scripted {
     fn solve(&mut self, qp: &Qp<'_>, answer: &mut Answer<'_>, expired: &mut dyn FnMut() -> bool) -> QpOutcome {
-        self.next(answer).unwrap_or_else(|| self.clarabel.solve(qp, answer, expired))
-    }
-
-    fn solve_least_violating(
-        &mut self,
-        qp: &Qp<'_>,
-        penalty: f64,
-        answer: &mut Answer<'_>,
-        expired: &mut dyn FnMut() -> bool,
-    ) -> QpOutcome {
-        self.next(answer).unwrap_or_else(|| self.clarabel.solve_least_violating(qp, penalty, answer, expired))
+        self.next(answer).unwrap_or_else(|| self.solver.solve(qp, answer, expired))
     }
 }
 
 type Scenario = PlanarController<Scripted>;
 
 fn scenario(parameters: Parameters<2, 2>, script: &[Script]) -> Scenario {
-    let solver = Scripted { script: script.iter().copied().collect(), clarabel: common::clarabel(2, 5) };
+    let solver = Scripted { script: script.iter().copied().collect(), solver: common::active_set() };
     common::controller(parameters, solver)
 }
 
@@ -478,7 +467,7 @@ fn a_stop_on_request_in_contact_comes_to_rest_at_a_low_force() {
 fn contact_velocity(speed: f64) -> Vector2<f64> {
     let model = common::model(&parameters(), &contact(1).joint_position);
     let twist = normal() * speed;
-    model.input_direction(0) * twist.x + model.input_direction(1) * twist.y
+    model.jacobian_inverse * twist
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 mod common;
 
-use admittance_core::model::{Model, State};
+use admittance_core::model::{Discretization, Model, State, Step};
 use nalgebra::{SVector, Vector2};
 use serde::Deserialize;
 
@@ -71,21 +71,25 @@ fn check(golden: &Golden, expected: &GoldenModel) {
     let name = |axis: &String| ["x", "y"].iter().position(|name| name == axis).expect("x or y");
     let axes: Vec<usize> = expected.active_axes.iter().map(name).collect();
     let rest = SVector::<f64, 2>::zeros();
+    let parameters = common::parameters();
+    let step: Step<2, 2> =
+        Discretization::Euler.step(T_S, &parameters.velocity_time_constant, &parameters.wrench_time_constant);
 
-    // advance_linear is advance without γ: A comes from it exactly, γ from advance at the origin.
+    // A model without its constant part is linear: A and B come from it exactly, γ from the whole one at the origin.
+    let linear = Model { wrench_offset: SVector::zeros(), ..model };
     let columns: Vec<_> =
-        (0..4 + axes.len()).map(|i| flat(&model.advance_linear(T_S, &unit(i, &axes), &rest), &axes)).collect();
+        (0..4 + axes.len()).map(|i| flat(&linear.advance(&step, &unit(i, &axes), &rest), &axes)).collect();
     for (row, (found, expected)) in transposed(&columns).iter().zip(&expected.a).enumerate() {
         assert_row(&format!("A, row {row}"), found, expected);
     }
-    let gamma = model.advance(T_S, &State::zeros(), &rest);
+    let gamma = model.advance(&step, &State::zeros(), &rest);
     for (found, expected) in flat(&gamma, &axes).iter().zip(&expected.gamma) {
         assert_row("γ", &[*found], &[*expected]);
     }
     let response = |axis: usize| {
-        let v = model.input_direction(axis);
+        let v = model.jacobian_inverse.column(axis).into_owned();
         assert_row("J⁻¹", v.as_slice(), &[0, 1].map(|joint| golden.inverse_jacobian[joint][axis]));
-        flat(&model.advance_linear(T_S, &State::zeros(), &v), &axes)
+        flat(&linear.advance(&step, &State::zeros(), &v), &axes)
     };
     let inputs: Vec<_> = axes.iter().map(|&axis| response(axis)).collect();
     let references: Vec<_> = (0..2).map(response).collect();
@@ -100,7 +104,8 @@ fn check(golden: &Golden, expected: &GoldenModel) {
     let x = State { joint_position: q, joint_velocity: Vector2::new(0.3, -0.2), wrench: Vector2::new(-40.0, -90.0) };
     let twist = [0.1, -0.25];
     let x_flat = flat(&x, &axes);
-    let next = flat(&model.advance(T_S, &x, &Vector2::from(twist)), &axes);
+    let reference = model.jacobian_inverse * Vector2::from(twist);
+    let next = flat(&model.advance(&step, &x, &reference), &axes);
     for (row, found) in next.iter().enumerate() {
         let terms: Vec<f64> = expected.a[row].iter().zip(&x_flat).map(|(a, x)| a * x).collect();
         let driven: f64 = expected.e[row].iter().zip(twist).map(|(e, twist)| e * twist).sum();
@@ -110,7 +115,7 @@ fn check(golden: &Golden, expected: &GoldenModel) {
     }
 
     for (index, &axis) in axes.iter().enumerate() {
-        assert_row("K_e J", model.wrench_gradient(axis).as_slice(), &expected.force_by_joint[index]);
+        assert_row("K_e J", model.wrench_gradient.column(axis).as_slice(), &expected.force_by_joint[index]);
         let offset = model.linear_wrench(&rest)[axis];
         assert_row("constant part of f_lin", &[offset], &[expected.force_offset[index]]);
         // A difference of terms a thousand times larger, and K_e times a position known to 1e-16 m: 1e-10 N at best.
@@ -131,5 +136,24 @@ fn every_matrix_of_the_model_is_the_golden_one() {
     assert_eq!(inputs, [2, 1], "one model for each number of active axes");
     for model in &golden.models {
         check(&golden, model);
+    }
+}
+
+#[test]
+fn an_ideal_measurement_is_the_linear_wrench_at_every_instant() {
+    let parameters = common::parameters();
+    let q = Vector2::from(golden().joint_position);
+    let model = common::model(&parameters, &q);
+    // One axis without a filter, one with.
+    let estimate = Vector2::new(0.0, 0.020);
+    let step: Step<2, 2> = Discretization::Euler.step(T_S, &parameters.velocity_time_constant, &estimate);
+    let mut x =
+        State { joint_position: q, joint_velocity: Vector2::new(0.3, -0.2), wrench: Vector2::new(-40.0, -90.0) };
+    for _ in 0..3 {
+        let next = model.advance(&step, &x, &Vector2::new(0.1, 0.2));
+        assert_eq!(next.wrench.x.to_bits(), model.linear_wrench(&next.joint_position).x.to_bits());
+        let filtered = x.wrench.y + T_S / 0.020 * (model.linear_wrench(&x.joint_position).y - x.wrench.y);
+        assert!((next.wrench.y - filtered).abs() <= 1e-9, "{}, not {filtered}", next.wrench.y);
+        x = next;
     }
 }

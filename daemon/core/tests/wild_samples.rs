@@ -6,8 +6,8 @@ use admittance_core::controller::Event;
 use admittance_core::mode::Mode;
 use admittance_core::outcome::{Motion, Outcome};
 use admittance_core::parameters::{OnInfeasible, Parameters};
+use admittance_core::qp::ActiveSet;
 use admittance_core::sample::{Sample, SampleFault};
-use admittanced::clarabel_solver::ClarabelSolver;
 use common::{PlanarController, pushing};
 use nalgebra::Vector2;
 use proptest::prelude::*;
@@ -79,7 +79,7 @@ fn spoil() -> impl Strategy<Value = Spoil> {
     ]
 }
 
-type Wild = PlanarController<ClarabelSolver>;
+type Wild = PlanarController<ActiveSet<Vec<f64>>>;
 
 /// One cycle on a sample that presses with `force`, spoiled.
 fn cycle(controller: &mut Wild, sample: &mut Sample<2, 2>, spoil: &Spoil) -> Outcome<2, 2> {
@@ -126,7 +126,7 @@ fn check(outcome: &Outcome<2, 2>, controller: &Wild, limits: &Vector2<f64>) -> R
 }
 
 fn controller(parameters: Parameters<2, 2>) -> Wild {
-    common::controller(parameters, common::clarabel(2, parameters.mpc.horizon))
+    common::controller(parameters, common::active_set())
 }
 
 proptest! {

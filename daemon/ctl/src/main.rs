@@ -1,5 +1,6 @@
 //! What a person types to rehearse, check and watch admittanced.
 
+mod bench;
 mod demo;
 mod report;
 mod request;
@@ -21,7 +22,7 @@ type Exit = admittance_host::exit::ExitCode;
     arg_required_else_help = true
 )]
 #[command(after_help = "Examples:\n  admittancectl demo\n  admittancectl validate /etc/admittanced/cell-3.toml\n  \
-    admittancectl status --instance cell-3\n\nExit codes: 0 done, 1 claim not met, 64 usage, 66 no such file, 69 no daemon \
+    admittancectl status --instance cell-3\n\nExit codes: 0 done, 1 claim not met, 64 usage, 65 malformed data, 66 no such file, 69 no daemon \
     answers, 75 machine too busy, 78 configuration.")]
 struct Cli {
     #[command(subcommand)]
@@ -40,6 +41,8 @@ enum Command {
     Reset(request::ResetArgs),
     /// Print the shared-memory contract, for clients in other languages.
     Schema(schema::Args),
+    /// Time the solver on this machine.
+    Bench(bench::Args),
     /// The daemon itself, in this process: what the demo starts.
     #[command(hide = true, disable_help_flag = true)]
     RoleDaemon {
@@ -75,6 +78,7 @@ fn main() -> ExitCode {
         Command::Status(args) => request::status(&args),
         Command::Reset(args) => request::reset(&args),
         Command::Schema(args) => schema::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::RoleDaemon { arguments } => Ok(admittanced::main_with_args(arguments.into_iter())),
         Command::RolePlant { arguments } => Ok(plant_sim::main_with_args(arguments.into_iter())),
     };

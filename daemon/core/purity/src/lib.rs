@@ -6,7 +6,7 @@
 #![no_std]
 
 use admittance_core::controller::{Controller, Event};
-use admittance_core::qp::{Answer, Qp, QpOutcome, QpSolver};
+use admittance_core::qp::ActiveSet;
 use admittance_core::robot::{Chain, Joint, Pose, right_inverse};
 use admittance_core::sample::Sample;
 use core::panic::PanicInfo;
@@ -32,30 +32,11 @@ pub extern "C" fn admittance_purity_planar(q1: f64, q2: f64) -> f64 {
     right_inverse(&jacobian, 1e-4).map_or(f64::NAN, |inverse| inverse.joint_velocity(&Vector2::y())[1])
 }
 
-/// A solver that never finds anything: the check is about what it is called from.
-pub struct NoSolver;
-
-impl QpSolver for NoSolver {
-    fn solve(&mut self, _: &Qp<'_>, _: &mut Answer<'_>, _: &mut dyn FnMut() -> bool) -> QpOutcome {
-        QpOutcome::Failed { iterations: 0 }
-    }
-
-    fn solve_least_violating(
-        &mut self,
-        _: &Qp<'_>,
-        _: f64,
-        _: &mut Answer<'_>,
-        _: &mut dyn FnMut() -> bool,
-    ) -> QpOutcome {
-        QpOutcome::Failed { iterations: 0 }
-    }
-}
-
 /// A whole cycle of the controller. True if the law answered the sample.
 // SAFETY: no other object that this one is linked with has a symbol of this name.
 #[unsafe(no_mangle)]
 pub fn admittance_purity_step(
-    controller: &mut Controller<2, 2, NoSolver, &'static mut [f64]>,
+    controller: &mut Controller<2, 2, ActiveSet<&'static mut [f64]>, &'static mut [f64]>,
     sample: &Sample<2, 2>,
     now: u64,
 ) -> bool {

@@ -7,17 +7,17 @@ use super::Qp;
 pub struct KktResidual {
     /// ‖Hz + g + Aᵀy‖∞ relative to the largest of its three parts (and 1).
     pub stationarity: f64,
-    /// Largest violation of a bound, in the row's unit (N).
+    /// Largest violation of a bound times the row's weight.
     pub violation: f64,
     /// Largest |y_i · slack_i| relative to the largest part of the gradient (and 1).
     pub complementarity: f64,
 }
 
 impl KktResidual {
-    /// Whether all three are finite and within bounds: `tolerance` for the relative ones, `violation` in N.
-    pub fn is_within(&self, tolerance: f64, violation: f64) -> bool {
+    /// Whether all three are finite and at most `tolerance`.
+    pub fn is_within(&self, tolerance: f64) -> bool {
         // Written so that NaN fails.
-        self.stationarity <= tolerance && self.violation <= violation && self.complementarity <= tolerance
+        self.stationarity <= tolerance && self.violation <= tolerance && self.complementarity <= tolerance
     }
 }
 
@@ -26,27 +26,38 @@ fn pushed_slack(value: f64, lower: f64, upper: f64, multiplier: f64) -> f64 {
     if multiplier >= 0.0 { upper - value } else { value - lower }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// The residual of `z` with the multipliers `y`. O(n² + rows·n).
-pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64]) -> KktResidual {
-    let n = qp.variables;
+/// The residual of `z` with the multipliers `y`. n² multiplications, and what the rows take for A z and Aᵀ y; `scratch` is at
+/// least 3·stride + rows rounded up to whole groups.
+pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64], scratch: &mut [f64]) -> KktResidual {
+    let (n, stride) = (qp.variables, qp.stride);
+    let (curvature, rest) = scratch.split_at_mut(stride);
+    let (pushed, values) = rest.split_at_mut(stride);
+    pushed.fill(0.0);
+    qp.rows.add_transposed(y, pushed);
+    curvature.fill(0.0);
+    for (i, row) in qp.hessian.chunks_exact(stride).enumerate().take(n) {
+        let mut sum = row[i] * z[i];
+        for j in i + 1..n {
+            sum += row[j] * z[j];
+            curvature[j] += row[j] * z[i];
+        }
+        curvature[i] += sum;
+    }
     let (mut worst, mut scale, mut finite) = (0.0_f64, 1.0_f64, true);
     for i in 0..n {
-        let curvature = dot(&qp.hessian[i * n..(i + 1) * n], z);
-        let pushed: f64 = (0..qp.rows).map(|row| qp.matrix[row * n + i] * y[row]).sum();
-        let sum = curvature + qp.gradient[i] + pushed;
+        let sum = curvature[i] + qp.gradient[i] + pushed[i];
         // f64::max forgets NaN.
         finite &= sum.is_finite();
         worst = worst.max(sum.abs());
-        scale = scale.max(curvature.abs()).max(qp.gradient[i].abs()).max(pushed.abs());
+        scale = scale.max(curvature[i].abs()).max(qp.gradient[i].abs()).max(pushed[i].abs());
     }
+    qp.rows.values(z, values);
     let (mut violation, mut product) = (0.0_f64, 0.0_f64);
-    for (row, &multiplier) in y[..qp.rows].iter().enumerate() {
-        let (value, lower, upper) = (dot(qp.row(row), z), qp.lower[row], qp.upper[row]);
-        violation = violation.max(value - upper).max(lower - value);
+    for (row, &multiplier) in y[..qp.row_count].iter().enumerate() {
+        let (value, lower, upper) = (values[row], qp.lower[row], qp.upper[row]);
+        let outside = (value - upper).max(lower - value) * qp.weight[row];
+        finite &= !outside.is_nan();
+        violation = violation.max(outside);
         if multiplier != 0.0 {
             product = product.max((multiplier * pushed_slack(value, lower, upper, multiplier)).abs());
         }
@@ -55,25 +66,29 @@ pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64]) -> KktResidual {
     KktResidual { stationarity, violation, complementarity: product / scale }
 }
 
-/// What a certificate of infeasibility proves: the least common violation t, in the rows' unit (N), that any z with
-/// |z_i| ≤ `reach` must suffer somewhere; `None` when it proves nothing (t ≤ 0).
+/// What a certificate of infeasibility proves: that of the rows which `may_give` some must be violated by this much, in
+/// their unit, by any z with |z_i| ≤ `reach` that meets the others; `None` when it proves nothing.
 ///
-/// For any z, Σ y_i (A z)_i ≤ Σ y⁺ (upper + t) − Σ y⁻ (lower − t), so t ≥ (−Σ y⁺ upper + Σ y⁻ lower − ‖Aᵀy‖₁ reach) / ‖y‖₁.
-pub fn certificate_gap(qp: &Qp<'_>, y: &[f64], reach: f64) -> Option<f64> {
-    let n = qp.variables;
-    let total: f64 = y[..qp.rows].iter().map(|y| y.abs()).sum();
-    let mut gap = 0.0;
-    for (row, &multiplier) in y[..qp.rows].iter().enumerate() {
-        if multiplier > 0.0 {
-            gap -= multiplier * qp.upper[row];
-        } else if multiplier < 0.0 {
-            gap -= multiplier * qp.lower[row];
+/// For any z, Σ y_i (A z)_i ≤ Σ y⁺ (upper + t_i) − Σ y⁻ (lower − t_i), so with t_i = t on rows that may give and 0 on others
+/// t ≥ (−Σ y⁺ upper + Σ y⁻ lower − ‖Aᵀy‖₁ reach) / Σ |y| of rows that may give. `scratch` is at least stride long.
+pub fn certificate_gap(
+    qp: &Qp<'_>,
+    y: &[f64],
+    reach: f64,
+    may_give: &dyn Fn(usize) -> bool,
+    scratch: &mut [f64],
+) -> Option<f64> {
+    let (mut gap, mut giving) = (0.0, 0.0);
+    for (row, &multiplier) in y[..qp.row_count].iter().enumerate().filter(|(_, y)| **y != 0.0) {
+        gap -= multiplier * if multiplier > 0.0 { qp.upper[row] } else { qp.lower[row] };
+        if may_give(row) {
+            giving += multiplier.abs();
         }
     }
-    for i in 0..n {
-        let residual: f64 = (0..qp.rows).map(|row| qp.matrix[row * n + i] * y[row]).sum();
-        gap -= residual.abs() * reach;
-    }
-    let least = gap / total;
+    let residual = &mut scratch[..qp.stride];
+    residual.fill(0.0);
+    qp.rows.add_transposed(y, residual);
+    gap -= residual.iter().map(|residual| residual.abs() * reach).sum::<f64>();
+    let least = gap / giving;
     (least > 0.0 && least.is_finite()).then_some(least)
 }

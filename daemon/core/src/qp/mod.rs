@@ -1,44 +1,82 @@
-//! The quadratic program and who solves it. The core builds it ([`crate::condensation`]) and checks what comes back
-//! ([`kkt_residual`], [`certificate_gap`]); the solver itself is given by the shell.
+//! The quadratic program and who solves it. The core builds it ([`crate::condensation`]), solves it ([`ActiveSet`]) and
+//! checks what comes back ([`kkt_residual`], [`certificate_gap`]); another solver may stand in through [`QpSolver`].
 
+mod active_set;
 mod check;
+mod factor;
+mod lanes;
+mod working_set;
 
+pub use active_set::{ActiveSet, SolverCapacity};
 pub use check::{KktResidual, certificate_gap, kkt_residual};
+pub use lanes::{LANES, padded};
+
+/// Largest number of variables that [`ActiveSet`] takes: six axes over 32 steps, and a slack.
+pub const MAX_VARIABLES: usize = 6 * 32 + 1;
 
 /// min ½ zᵀ H z + gᵀ z subject to lower ≤ A z ≤ upper, dense, H positive definite.
-#[derive(Debug, Clone, Copy)]
+///
+/// Rows of H are `stride` numbers apart, and z, g are as long: n rounded up to a multiple of [`LANES`]. Bounds and weights
+/// are as long as the number of rows rounded up likewise, unbounded beyond it.
+#[derive(Clone, Copy)]
 pub struct Qp<'a> {
-    /// Number n of variables z: inputs in time order, the axes of one step together; m/s and rad/s.
+    /// Number n of variables z. Of an MPC: inputs in reversed time order, the last step's first, the axes of one step
+    /// together; m/s and rad/s.
     pub variables: usize,
-    /// Number of constraint rows.
-    pub rows: usize,
-    /// H, n×n row-major, both triangles.
+    /// n rounded up to a multiple of [`LANES`].
+    pub stride: usize,
+    /// H, n×stride row-major; only the upper triangle is read.
     pub hessian: &'a [f64],
-    /// g, n.
+    /// g.
     pub gradient: &'a [f64],
-    /// A, rows×n row-major.
-    pub matrix: &'a [f64],
-    /// Lower bounds, rows; −∞ where there is none.
+    /// A.
+    pub rows: &'a dyn Rows,
+    /// Number of constraint rows.
+    pub row_count: usize,
+    /// Lower bounds; −∞ where there is none.
     pub lower: &'a [f64],
-    /// Upper bounds, rows.
+    /// Upper bounds; ∞ where there is none.
     pub upper: &'a [f64],
+    /// 1 over a value that counts as large for the row, in its unit: what tolerances are relative to.
+    pub weight: &'a [f64],
 }
 
-impl Qp<'_> {
-    /// Row `row` of A.
-    pub fn row(&self, row: usize) -> &[f64] {
-        &self.matrix[row * self.variables..(row + 1) * self.variables]
-    }
+/// The constraint matrix A, by what is done with it.
+pub trait Rows {
+    /// out ← A z; `out` is at least as long as there are rows.
+    fn values(&self, z: &[f64], out: &mut [f64]);
+
+    /// Writes row `row` of A into `out` (stride long) from the returned column on, a multiple of [`LANES`]; before it the
+    /// row is zero, and `out` is left as it is.
+    fn coefficients(&self, row: usize, out: &mut [f64]) -> usize;
+
+    /// out ← out + Aᵀ y.
+    fn add_transposed(&self, multipliers: &[f64], out: &mut [f64]);
+}
+
+/// Whether a row is in the working set: met with equality at the solution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RowState {
+    /// Not in the working set.
+    #[default]
+    Inactive,
+    /// At its lower bound.
+    Lower,
+    /// At its upper bound.
+    Upper,
 }
 
 /// Where a solver writes its answer.
 #[derive(Debug)]
 pub struct Answer<'a> {
-    /// z, n.
+    /// z, stride long; zero beyond n.
     pub z: &'a mut [f64],
-    /// Multiplier of each row, rows: positive where the upper bound pushes, negative where the lower does. After
+    /// Multiplier of each row: positive where the upper bound pushes, negative where the lower does. After
     /// [`QpOutcome::Infeasible`] they are the certificate: Aᵀy = 0 and Σ y⁺ upper − Σ y⁻ lower < 0.
     pub multipliers: &'a mut [f64],
+    /// The working set, one entry a row: a guess before, that of the answer (or of the certificate) after. A wrong guess costs time,
+    /// nothing else.
+    pub working: &'a mut [RowState],
 }
 
 /// What became of a QP. Only `Solved` has put a solution into [`Answer::z`].
@@ -78,19 +116,9 @@ impl QpOutcome {
     }
 }
 
-/// A solver for [`Qp`], set up beforehand for every size that can occur.
+/// A solver for [`Qp`], set up beforehand for every size that can occur. It remembers nothing of earlier problems that could
+/// change an answer: what a warm start needs is in [`Answer::working`].
 pub trait QpSolver {
     /// Solves `qp`. `expired` is asked between iterations; once it answers true the solver returns at once.
     fn solve(&mut self, qp: &Qp<'_>, answer: &mut Answer<'_>, expired: &mut dyn FnMut() -> bool) -> QpOutcome;
-
-    /// Solves `qp` with its upper bounds softened by one common slack t ≥ 0 at the cost `penalty`·t, and without its lower
-    /// bounds: for a penalty above the sum of the multipliers that is the least violation there is, and among its
-    /// minimisers the cheapest. Never infeasible.
-    fn solve_least_violating(
-        &mut self,
-        qp: &Qp<'_>,
-        penalty: f64,
-        answer: &mut Answer<'_>,
-        expired: &mut dyn FnMut() -> bool,
-    ) -> QpOutcome;
 }

@@ -1,7 +1,7 @@
 //! The paper's planar arm (section IV) with the weights (23), and samples of it.
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
-use admittance_core::condensation::Capacity;
+use admittance_core::condensation::{Capacity, MAX_ROWS};
 use admittance_core::contact::Thresholds;
 use admittance_core::controller::{Controller, Event};
 use admittance_core::cost::Weights;
@@ -10,10 +10,9 @@ use admittance_core::model::{Discretization, Model};
 use admittance_core::outcome::Outcome;
 use admittance_core::parameters::{InputSelection, Law, Mpc, OffsetLimits, OnInfeasible, Parameters, Stopping, Timing};
 use admittance_core::plan::MAX_STEPS;
-use admittance_core::qp::QpSolver;
+use admittance_core::qp::{ActiveSet, QpSolver, SolverCapacity};
 use admittance_core::robot::{Chain, Joint, Pose, right_inverse};
 use admittance_core::sample::Sample;
-use admittanced::clarabel_solver::{ClarabelSettings, ClarabelSolver};
 use nalgebra::{Matrix3, SVector, Vector2, Vector3};
 
 pub(crate) const STIFFNESS: f64 = 1e5;
@@ -53,7 +52,6 @@ pub(crate) fn parameters() -> Parameters<2, 2> {
             minimum_force: Vector2::repeat(0.1),
             on_infeasible: OnInfeasible::Halt,
             solution_tolerance: 1e-5,
-            force_tolerance: 0.05,
         },
         limits: OffsetLimits { offset: Vector2::repeat(2.0), release_rate: 10.0 },
         timing: Timing {
@@ -82,15 +80,7 @@ pub(crate) fn task_weights() -> Weights<2, 2> {
 pub(crate) fn model(parameters: &Parameters<2, 2>, q: &Vector2<f64>) -> Model<2, 2> {
     let kinematics = parameters.chain.kinematics(q);
     let inverse = right_inverse(&kinematics.task_jacobian::<2>(), 0.0).expect("not singular");
-    Model::new(
-        parameters.mpc.discretization,
-        &parameters.environment,
-        &kinematics,
-        &inverse,
-        q,
-        parameters.velocity_time_constant,
-        parameters.wrench_time_constant,
-    )
+    Model::new(&parameters.environment, &kinematics, &inverse, q)
 }
 
 /// Joint position, elbow q2 < 0, with the TCP `depth` m below the contact point.
@@ -123,8 +113,9 @@ pub(crate) fn pushing(force: f64, speed: f64, sequence: u64) -> Sample<2, 2> {
     Sample { twist_reference: -normal() * speed, ..pressing(force, sequence) }
 }
 
-pub(crate) fn clarabel(axes: usize, horizon: usize) -> ClarabelSolver {
-    ClarabelSolver::new(axes, horizon, ClarabelSettings { tolerance: 1e-8, max_iterations: 50 })
+pub(crate) fn active_set() -> ActiveSet<Vec<f64>> {
+    let capacity = SolverCapacity { variables: 2 * MAX_STEPS + 1, rows: MAX_ROWS };
+    ActiveSet::new(capacity, 300, vec![0.0; capacity.storage_len()]).expect("storage of that length")
 }
 
 pub(crate) type PlanarController<S> = Controller<2, 2, S, Vec<f64>>;

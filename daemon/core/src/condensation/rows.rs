@@ -1,0 +1,389 @@
+//! The constraint rows, never written down: A z is a simulation from rest, a row of A a sweep backward from the instant
+//! that it bounds.
+
+use core::ops::Range;
+
+use super::joints::{Joints, array, combine};
+use super::trajectory::FreeTrajectory;
+use super::{Prediction, SLACK_UNIT};
+use crate::constraints::{Interval, Layout, Row, RowKind};
+use crate::horizon::Horizon;
+use crate::model::Model;
+use crate::qp::{LANES, Rows};
+
+/// The rows of one cycle's problem with M inputs a step.
+#[derive(Debug)]
+pub struct MpcRows<'a, const N: usize, const D: usize, const M: usize> {
+    pub(super) model: &'a Model<N, D>,
+    pub(super) horizon: &'a Horizon<N, D>,
+    pub(super) prediction: &'a Prediction<'a, N, D>,
+    /// Which row is which.
+    pub layout: Layout,
+    /// V: the columns of J⁻¹ that belong to inputs.
+    pub(super) columns: [[f64; N]; M],
+    /// Vᵀ.
+    pub(super) by_joint: [[f64; M]; N],
+    /// s K_e J: a row for each axis with bounded force; zero behind them.
+    gradients: [[f64; N]; M],
+    /// (s K_e J)ᵀ.
+    gradients_by_joint: [[f64; M]; N],
+    /// Axes with bounded force.
+    bounded: usize,
+}
+
+fn transposed<const A: usize, const B: usize>(rows: &[[f64; A]; B]) -> [[f64; B]; A] {
+    core::array::from_fn(|a| core::array::from_fn(|b| rows[b][a]))
+}
+
+/// 1 over the largest finite bound; 1 where there is none.
+fn weight(lower: f64, upper: f64) -> f64 {
+    let large = |bound: f64| if bound.is_finite() { bound.abs() } else { 0.0 };
+    let scale = large(lower).max(large(upper));
+    if scale > 0.0 { 1.0 / scale } else { 1.0 }
+}
+
+/// Bounds and weights of all rows, while they are written.
+struct Bounds<'a> {
+    lower: &'a mut [f64],
+    upper: &'a mut [f64],
+    weight: &'a mut [f64],
+}
+
+impl Bounds<'_> {
+    /// The rows of one instant: `interval` for what is `here` without inputs.
+    #[inline(always)]
+    fn put<const K: usize>(&mut self, row: usize, count: usize, interval: &Weighted<K>, here: &[f64; K]) {
+        let lower: [f64; K] = core::array::from_fn(|k| interval.lower[k] - here[k]);
+        let upper: [f64; K] = core::array::from_fn(|k| interval.upper[k] - here[k]);
+        store(self.lower, row, count, &lower);
+        store(self.upper, row, count, &upper);
+        store(self.weight, row, count, &interval.weight);
+    }
+}
+
+/// to[row..row + count] ← the first of `from`: in one piece where there is room for all.
+#[inline(always)]
+fn store<const K: usize>(to: &mut [f64], row: usize, count: usize, from: &[f64; K]) {
+    if let Some(place) = to[row..].first_chunk_mut::<K>().filter(|_| count == K) {
+        *place = *from;
+    } else {
+        for (to, from) in to[row..row + count].iter_mut().zip(from) {
+            *to = *from;
+        }
+    }
+}
+
+/// The bounds of one section's components, in their order.
+#[derive(Clone, Copy)]
+struct Weighted<const K: usize> {
+    lower: [f64; K],
+    upper: [f64; K],
+    weight: [f64; K],
+}
+
+impl<const K: usize> Weighted<K> {
+    fn new(lower: [f64; K], upper: [f64; K]) -> Self {
+        Self { lower, upper, weight: core::array::from_fn(|k| weight(lower[k], upper[k])) }
+    }
+
+    fn of<const D: usize>(interval: &Interval<D>, axes: &[usize]) -> Self {
+        let pick = |values: &[f64; D]| core::array::from_fn(|k| axes.get(k).map_or(0.0, |&axis| values[axis]));
+        Self::new(pick(array(&interval.lower)), pick(array(&interval.upper)))
+    }
+
+    /// All bounds times `factor`, and the weights over it: they stay 1 over a bound.
+    fn scaled(mut self, factor: f64) -> Self {
+        self.lower.iter_mut().chain(&mut self.upper).for_each(|bound| *bound *= factor);
+        self.weight.iter_mut().for_each(|weight| *weight /= factor);
+        self
+    }
+}
+
+impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
+    /// The rows of this prediction; `None` when it does not have M inputs, or more axes with bounded force or wrench state
+    /// than inputs.
+    pub fn new(
+        model: &'a Model<N, D>,
+        horizon: &'a Horizon<N, D>,
+        prediction: &'a Prediction<'a, N, D>,
+    ) -> Option<Self> {
+        let inputs = prediction.inputs.as_slice();
+        let bounds = prediction.constraints.force.as_slice();
+        if inputs.len() != M || bounds.len() > M || prediction.wrench_axes.as_slice().len() > M {
+            return None;
+        }
+        let columns = core::array::from_fn(|a| model.jacobian_inverse.data.0[inputs[a]]);
+        let mut gradients = [[0.0; N]; M];
+        for (gradient, bound) in gradients.iter_mut().zip(bounds) {
+            *gradient = model.wrench_gradient.data.0[bound.axis].map(|value| value * bound.sign);
+        }
+        let softened = prediction.slack_price.is_some();
+        Some(Self {
+            model,
+            horizon,
+            prediction,
+            layout: Layout::new(&prediction.constraints, horizon, &prediction.inputs, softened),
+            by_joint: transposed(&columns),
+            columns,
+            gradients_by_joint: transposed(&gradients),
+            gradients,
+            bounded: bounds.len(),
+        })
+    }
+
+    /// Number of variables.
+    pub fn variables(&self) -> usize {
+        M * self.horizon.steps().len() + usize::from(self.prediction.slack_price.is_some())
+    }
+
+    /// Where the inputs of step `step` stand in z.
+    pub fn inputs_of(&self, step: usize) -> Range<usize> {
+        let first = (self.horizon.steps().len() - 1 - step) * M;
+        first..first + M
+    }
+
+    /// The rows that bound a force.
+    pub fn force_rows(&self) -> Range<usize> {
+        let first = self.at(RowKind::Force, 0).unwrap_or(0);
+        first..first + self.horizon.force_points().len() * self.bounded
+    }
+
+    /// Axis of a force row, and its time in s from the sample.
+    pub fn force_row(&self, row: usize) -> (usize, f64) {
+        let row = self.layout.row(row);
+        (row.component, self.horizon.force_points()[row.instant].time)
+    }
+
+    /// The slack t in N; 0 of a problem without one.
+    pub fn slack(&self, z: &[f64]) -> f64 {
+        if self.prediction.slack_price.is_some() { SLACK_UNIT * z[self.variables() - 1] } else { 0.0 }
+    }
+
+    /// Adds Vᵀ r to the entries of step `step`.
+    #[inline(always)]
+    pub(super) fn add_to_inputs(&self, step: usize, reference: &[f64; N], to: &mut [f64]) {
+        let sum = combine(&self.by_joint, reference);
+        if let Some(place) = to[self.inputs_of(step).start..].first_chunk_mut::<M>() {
+            (0..M).for_each(|a| place[a] += sum[a]);
+        }
+    }
+
+    /// Row of a kind's first component at an instant.
+    #[inline(always)]
+    fn at(&self, kind: RowKind, instant: usize) -> Option<usize> {
+        self.layout.rows_at(kind, instant)
+    }
+
+    /// The bounds of every row, relative to what happens without inputs, and the rows' weights; unbounded beyond the rows.
+    #[inline(never)]
+    pub(super) fn write_bounds(
+        &self,
+        free: &FreeTrajectory<N, M>,
+        lower: &mut [f64],
+        upper: &mut [f64],
+        weight: &mut [f64],
+    ) {
+        let (p, c) = (self.prediction, &self.prediction.constraints);
+        let beyond = self.layout.rows();
+        lower[beyond..].fill(f64::NEG_INFINITY);
+        upper[beyond..].fill(f64::INFINITY);
+        weight[beyond..].fill(1.0);
+        let mut bounds = Bounds { lower, upper, weight };
+        let steps = self.horizon.steps();
+        if let Some(interval) = &c.joint_speed {
+            let interval = Weighted::new(*array(&interval.lower), *array(&interval.upper));
+            for (k, reference) in p.known_reference.iter().enumerate().take(steps.len()) {
+                if let Some(row) = self.at(RowKind::JointSpeed, k) {
+                    bounds.put(row, N, &interval, array(reference));
+                }
+            }
+        }
+        let inputs = p.inputs.as_slice();
+        if let Some(interval) = &c.offset {
+            let interval = Weighted::<M>::of(interval, inputs);
+            for row in (0..steps.len()).filter_map(|k| self.at(RowKind::Offset, k)) {
+                bounds.put(row, M, &interval, &[0.0; M]);
+            }
+        }
+        if let Some(interval) = &c.rate {
+            let interval = Weighted::<M>::of(interval, inputs);
+            for (k, row) in (0..steps.len()).filter_map(|k| Some((k, self.at(RowKind::Rate, k)?))) {
+                let since = steps[k.saturating_sub(1)].duration;
+                let before = core::array::from_fn(|index| if k == 0 { -p.previous_input[inputs[index]] } else { 0.0 });
+                bounds.put(row, M, &interval.scaled(since), &before);
+            }
+        }
+        if let Some(interval) = &c.joint_position {
+            let interval = Weighted::new(*array(&interval.lower), *array(&interval.upper));
+            for (k, row) in (0..steps.len()).filter_map(|k| Some((k, self.at(RowKind::JointPosition, k)?))) {
+                bounds.put(row, N, &interval, &free.joints(k + 1).position);
+            }
+        }
+        let (mut minimum, mut maximum, mut offset) = ([0.0; M], [0.0; M], [0.0; M]);
+        for (index, bound) in c.force.as_slice().iter().enumerate() {
+            (minimum[index], maximum[index]) = (bound.minimum, bound.maximum);
+            offset[index] = bound.sign * self.model.wrench_offset[bound.axis];
+        }
+        if p.slack_price.is_some() {
+            minimum = [f64::NEG_INFINITY; M];
+        }
+        let interval = Weighted::new(minimum, maximum);
+        for (instant, point) in self.horizon.force_points().iter().enumerate() {
+            let Some(row) = self.at(RowKind::Force, instant) else { break };
+            let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
+            let position = free.joints(point.step).position_after(a, b, array(&p.known_reference[point.step]));
+            let mut force = combine(&self.gradients_by_joint, &position);
+            (0..M).for_each(|index| force[index] += offset[index]);
+            bounds.put(row, self.bounded, &interval, &force);
+        }
+        if let Some(row) = self.at(RowKind::Slack, 0) {
+            bounds.put(row, 1, &Weighted::new([0.0], [f64::INFINITY]), &[0.0]);
+        }
+    }
+}
+
+impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, M> {
+    fn values(&self, z: &[f64], out: &mut [f64]) {
+        let mut joints = Joints::<N>::ZERO;
+        let first_of = |kind, instant| self.at(kind, instant);
+        let (speed, offset, rate) =
+            (first_of(RowKind::JointSpeed, 0), first_of(RowKind::Offset, 0), first_of(RowKind::Rate, 0));
+        let delay = self.horizon.first_reached();
+        let position = first_of(RowKind::JointPosition, delay);
+        let mut points = self.horizon.force_points();
+        let mut force_row = first_of(RowKind::Force, 0);
+        let slack = self.slack(z);
+        for (k, step) in self.horizon.steps().iter().enumerate() {
+            let inputs = self.inputs_of(k);
+            let Some(u) = z[inputs.start..].first_chunk::<M>() else { return };
+            let reference = combine(&self.columns, u);
+            if let Some(first) = speed {
+                store(out, first + k * N, N, &reference);
+            }
+            if let Some(first) = offset {
+                let row = first + k * M;
+                store(out, row, M, u);
+            }
+            if let Some(first) = rate {
+                let row = first + k * M;
+                let before = |index: usize| if k == 0 { 0.0 } else { z[inputs.end + index] };
+                store::<M>(out, row, M, &core::array::from_fn(|index| u[index] - before(index)));
+            }
+            if let Some(row) = &mut force_row {
+                while let Some((point, later)) = points.split_first().filter(|(point, _)| point.step == k) {
+                    let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
+                    let mut force = combine(&self.gradients_by_joint, &joints.position_after(a, b, &reference));
+                    force.iter_mut().for_each(|force| *force -= slack);
+                    store(out, *row, self.bounded, &force);
+                    *row += self.bounded;
+                    points = later;
+                }
+            }
+            joints.advance(step, &reference);
+            if let Some(first) = position.filter(|_| k >= delay) {
+                store(out, first + (k - delay) * N, N, &joints.position);
+            }
+        }
+        if let Some(row) = self.at(RowKind::Slack, 0) {
+            out[row] = z[self.variables() - 1];
+        }
+    }
+
+    fn coefficients(&self, row: usize, out: &mut [f64]) -> usize {
+        let Row { kind, component, instant } = self.layout.row(row);
+        let input = || self.prediction.inputs.as_slice().iter().position(|&axis| axis == component);
+        // An input that does not act at once has no coefficient in its own step.
+        let delay = self.horizon.first_reached();
+        let first = match kind {
+            RowKind::JointSpeed | RowKind::Offset | RowKind::Rate => self.inputs_of(instant).start,
+            RowKind::JointPosition => self.inputs_of(instant - delay).start,
+            RowKind::Force => self.inputs_of(self.horizon.force_points()[instant].step - delay).start,
+            RowKind::Slack => self.variables() - 1,
+        };
+        let start = first / LANES * LANES;
+        out[start..].fill(0.0);
+        let mut costate = Joints::ZERO;
+        // The sweep goes on from the start of this step.
+        let mut from = 0;
+        match kind {
+            RowKind::JointSpeed => {
+                for (value, coefficient) in out[self.inputs_of(instant)].iter_mut().zip(self.by_joint[component]) {
+                    *value = coefficient;
+                }
+            }
+            RowKind::Offset | RowKind::Rate => {
+                let at = first + input().unwrap_or(0);
+                out[at] = 1.0;
+                if kind == RowKind::Rate && instant > 0 {
+                    out[at + M] = -1.0;
+                }
+            }
+            RowKind::JointPosition => {
+                costate.position[component] = 1.0;
+                from = instant + 1;
+            }
+            RowKind::Force => {
+                let bounds = self.prediction.constraints.force.as_slice();
+                let index = bounds.iter().position(|bound| bound.axis == component).unwrap_or(0);
+                let point = &self.horizon.force_points()[instant];
+                let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
+                let at_once = costate.seed(a, b, &self.gradients[index]);
+                if delay == 0 {
+                    self.add_to_inputs(point.step, &at_once, out);
+                }
+                from = point.step;
+                if self.prediction.slack_price.is_some() {
+                    out[self.variables() - 1] = -SLACK_UNIT;
+                }
+            }
+            RowKind::Slack => out[first] = 1.0,
+        }
+        for (k, step) in self.horizon.steps()[..from].iter().enumerate().rev() {
+            let reference = costate.back(step);
+            self.add_to_inputs(k, &reference, out);
+        }
+        start
+    }
+
+    fn add_transposed(&self, multipliers: &[f64], out: &mut [f64]) {
+        let mut costate = Joints::<N>::ZERO;
+        let points = self.horizon.force_points();
+        let mut instant = if self.at(RowKind::Force, 0).is_some() { points.len() } else { 0 };
+        let mut slack = 0.0;
+        for (k, step) in self.horizon.steps().iter().enumerate().rev() {
+            if let Some(row) = self.at(RowKind::JointPosition, k) {
+                (0..N).for_each(|i| costate.position[i] += multipliers[row + i]);
+            }
+            let mut reference = costate.back(step);
+            while instant > 0 && points[instant - 1].step == k {
+                instant -= 1;
+                let row = self.at(RowKind::Force, instant).unwrap_or(0);
+                let pushing = core::array::from_fn(|k| if k < self.bounded { multipliers[row + k] } else { 0.0 });
+                slack -= SLACK_UNIT * pushing.iter().sum::<f64>();
+                let position = combine(&self.gradients, &pushing);
+                let point = &points[instant];
+                let at_once = costate.seed(&point.position_by_velocity, &point.position_by_reference, &position);
+                (0..N).for_each(|i| reference[i] += at_once[i]);
+            }
+            if let Some(row) = self.at(RowKind::JointSpeed, k) {
+                (0..N).for_each(|i| reference[i] += multipliers[row + i]);
+            }
+            self.add_to_inputs(k, &reference, out);
+            let inputs = self.inputs_of(k);
+            if let Some(row) = self.at(RowKind::Offset, k) {
+                out[inputs.clone()].iter_mut().zip(&multipliers[row..]).for_each(|(value, y)| *value += y);
+            }
+            if let Some(row) = self.at(RowKind::Rate, k) {
+                for (index, multiplier) in multipliers[row..row + M].iter().enumerate() {
+                    out[inputs.start + index] += multiplier;
+                    if k > 0 {
+                        out[inputs.end + index] -= multiplier;
+                    }
+                }
+            }
+        }
+        if let Some(row) = self.at(RowKind::Slack, 0) {
+            out[self.variables() - 1] += slack + multipliers[row];
+        }
+    }
+}

@@ -1,0 +1,375 @@
+//! A dual active-set method after Goldfarb & Idnani, "A numerically stable dual method for solving strictly convex quadratic
+//! programs" (Math. Prog. 27, 1983), with two-sided rows and a warm start.
+//!
+//! In the coordinates y = U z (H = Uᵀ U) the problem is the point nearest to y0 = −U⁻ᵀ g that meets all rows cᵀy ≥ b,
+//! c = ± U⁻ᵀ a. The method keeps the nearest point to y0 on a working set W with multipliers λ ≥ 0, y = y0 + Σ λ_i c_i,
+//! and adds one violated row after the other; each addition raises the distance from y0, so no W comes twice.
+//!
+//! # Rules
+//! - **Choice**: all rows are looked at, and the violated ones added worst first (violation over scale), each looked at
+//!   again before it is; of equals the first. So no tie depends on anything but the order of rows.
+//! - **Dependence**: a row whose normal is a combination of those in W is exchanged for the member that blocks it, never
+//!   added. Where none blocks, Σ of the members' normals with weights ≥ 0 contradicts it: that is the certificate.
+//! - **Cycling**: in exact arithmetic impossible, see above; rounding is answered by the iteration limit, and by taking the
+//!   nearest point afresh from W at the end of every pass.
+//! - **Nearly singular W**: rows are orthogonalised, not squared, and what depends within 1e-9 never enters W.
+//!
+//! # Work
+//! Set-up: n³/6 multiplications for U and n²/2 for y0. A warm start with w rows: w (n²/2 + 4 w n) at most, and 4 w n for each
+//! row that has to leave again. An iteration: n²/2 for a new row, 4 w n to project it, w n to remove one; a pass over all
+//! rows comes at most once an iteration, with n²/2 and the support of every row.
+
+use super::factor::Factor;
+use wide::f64x4;
+
+use super::lanes::{LANES, dot, groups, groups_mut, padded, subtract};
+use super::working_set::{Member, NO_MEMBERS, WorkingSet};
+use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState};
+
+/// Violation relative to a row's scale that counts as none.
+const FEASIBLE: f64 = 1e-10;
+/// Part of the worst violation from which on others are added before all rows are looked at again.
+const CLOSE_TO_WORST: f64 = 0.1;
+/// Multiplier below zero, relative to the largest, that counts as zero.
+const ZERO_MULTIPLIER: f64 = 1e-12;
+
+/// The largest problem that an [`ActiveSet`] solves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SolverCapacity {
+    /// Variables.
+    pub variables: usize,
+    /// Constraint rows.
+    pub rows: usize,
+}
+
+impl SolverCapacity {
+    /// Number of f64 that [`ActiveSet::new`] wants.
+    pub fn storage_len(&self) -> usize {
+        let stride = padded(self.variables);
+        3 * stride * stride + 6 * stride + padded(self.rows)
+    }
+}
+
+/// The solver.
+#[derive(Debug)]
+pub struct ActiveSet<B> {
+    capacity: SolverCapacity,
+    max_iterations: u32,
+    storage: B,
+    members: [Member; MAX_VARIABLES],
+}
+
+impl<B: AsMut<[f64]>> ActiveSet<B> {
+    /// A solver that takes up to `max_iterations` additions and removals; `None` when `storage` is shorter than
+    /// [`SolverCapacity::storage_len`] or the capacity beyond [`MAX_VARIABLES`].
+    pub fn new(capacity: SolverCapacity, max_iterations: u32, mut storage: B) -> Option<Self> {
+        (storage.as_mut().len() >= capacity.storage_len() && capacity.variables <= MAX_VARIABLES).then_some(Self {
+            capacity,
+            max_iterations,
+            storage,
+            members: NO_MEMBERS,
+        })
+    }
+}
+
+/// A problem on its way.
+struct Run<'a, 'q> {
+    qp: &'a Qp<'q>,
+    factor: Factor<'a>,
+    working: WorkingSet<'a>,
+    y0: &'a mut [f64],
+    y: &'a mut [f64],
+    /// Normal of the row that is being looked at.
+    c: &'a mut [f64],
+    /// Its part within W, Qᵀ c.
+    d: &'a mut [f64],
+    /// By how much the multipliers fall for each unit of its own, R⁻¹ d.
+    fall: &'a mut [f64],
+    /// A z.
+    values: &'a mut [f64],
+    iterations: u32,
+    max_iterations: u32,
+}
+
+enum Ended {
+    Infeasible,
+    Expired,
+    Failed,
+}
+
+impl<B: AsMut<[f64]>> QpSolver for ActiveSet<B> {
+    fn solve(&mut self, qp: &Qp<'_>, answer: &mut Answer<'_>, expired: &mut dyn FnMut() -> bool) -> QpOutcome {
+        if qp.variables > self.capacity.variables || qp.variables == 0 || qp.row_count > self.capacity.rows {
+            return QpOutcome::Failed { iterations: 0 };
+        }
+        let stride = qp.stride;
+        let (u, rest) = self.storage.as_mut().split_at_mut(stride * stride);
+        let (q, rest) = rest.split_at_mut(stride * stride);
+        let (r, rest) = rest.split_at_mut(stride * stride);
+        let (inverse_diagonal, rest) = rest.split_at_mut(stride);
+        let (y0, rest) = rest.split_at_mut(stride);
+        let (y, rest) = rest.split_at_mut(stride);
+        let (c, rest) = rest.split_at_mut(stride);
+        let (d, rest) = rest.split_at_mut(stride);
+        let (fall, values) = rest.split_at_mut(stride);
+        let mut run = Run {
+            qp,
+            factor: Factor { u, inverse_diagonal, stride },
+            working: WorkingSet { members: &mut self.members, len: 0, q, r, stride },
+            y0,
+            y,
+            c,
+            d,
+            fall,
+            values: &mut values[..padded(qp.row_count)],
+            iterations: 0,
+            max_iterations: self.max_iterations,
+        };
+        let ended = run.solve(answer, expired);
+        let iterations = run.iterations;
+        match ended {
+            Ok(()) => QpOutcome::Solved { iterations },
+            Err(Ended::Infeasible) => QpOutcome::Infeasible { iterations },
+            Err(Ended::Expired) => QpOutcome::Expired { iterations },
+            Err(Ended::Failed) => QpOutcome::Failed { iterations },
+        }
+    }
+}
+
+impl Run<'_, '_> {
+    fn solve(&mut self, answer: &mut Answer<'_>, expired: &mut dyn FnMut() -> bool) -> Result<(), Ended> {
+        let qp = self.qp;
+        if !self.factor.compute(qp.hessian, qp.variables) {
+            return Err(Ended::Failed);
+        }
+        for (y0, g) in self.y0.iter_mut().zip(&qp.gradient[..qp.variables]) {
+            *y0 = -g;
+        }
+        self.y0[qp.variables..].fill(0.0);
+        self.factor.solve_transposed(self.y0, 0);
+        self.warm_start(answer.working);
+        // Whether y and λ are those of W to rounding, and not a sum of many steps.
+        let mut fresh = true;
+        loop {
+            answer.z[..qp.stride].copy_from_slice(self.y);
+            self.factor.solve(&mut answer.z[..qp.stride]);
+            let worst = self.violations(answer.z);
+            if worst <= FEASIBLE {
+                if fresh {
+                    break;
+                }
+                self.take_nearest();
+                fresh = true;
+                continue;
+            }
+            let mut any = false;
+            while let Some((row, side)) = self.next_violated(CLOSE_TO_WORST * worst) {
+                if !self.add(row, side, CLOSE_TO_WORST * worst, answer, expired)? {
+                    break;
+                }
+                any = true;
+            }
+            // A violation that only rounding on the way to z shows: W is as good as it gets, and the caller checks z.
+            if !any && fresh {
+                break;
+            }
+            fresh = false;
+            if !any {
+                self.take_nearest();
+                fresh = true;
+            }
+        }
+        answer.working.fill(RowState::Inactive);
+        answer.multipliers.fill(0.0);
+        for member in &self.working.members[..self.working.len] {
+            let row = usize::from(member.row);
+            answer.working[row] = member.side;
+            answer.multipliers[row] = signed(member.side, member.multiplier);
+        }
+        Ok(())
+    }
+
+    /// W from the guess, without the rows that depend on others or do not push: then λ ≥ 0, as the method needs it.
+    #[inline(never)]
+    fn warm_start(&mut self, guess: &[RowState]) {
+        let mut from = 0;
+        // Few rows are guessed of many: the others are passed over quickly.
+        while let Some(next) = guess[from..].iter().position(|side| *side != RowState::Inactive) {
+            let (row, side) = (from + next, guess[from + next]);
+            from = row + 1;
+            if !self.bound(row, side).is_finite() || self.working.len >= self.qp.variables {
+                continue;
+            }
+            let start = self.normal(row, side);
+            let projection = self.working.project(self.c, self.d, start);
+            if !projection.dependent {
+                self.working.push(Member::new(row, side, self.bound(row, side)), &projection, self.c, self.d);
+            }
+        }
+        self.take_nearest();
+    }
+
+    /// y and λ from W; members with λ < 0 leave first, the worst one at a time.
+    fn take_nearest(&mut self) {
+        loop {
+            self.working.nearest(self.y0, self.y, self.d);
+            let members = &self.working.members[..self.working.len];
+            let largest = members.iter().fold(0.0_f64, |largest, member| largest.max(member.multiplier.abs()));
+            let mut worst = (-ZERO_MULTIPLIER * largest, None);
+            for (index, member) in members.iter().enumerate() {
+                if member.multiplier < worst.0 {
+                    worst = (member.multiplier, Some(index));
+                }
+            }
+            let Some(index) = worst.1 else { return };
+            self.working.remove(index);
+        }
+    }
+
+    /// The bound with the sign of the normal: cᵀy ≥ bound.
+    fn bound(&self, row: usize, side: RowState) -> f64 {
+        match side {
+            RowState::Upper => -self.qp.upper[row],
+            _ => self.qp.lower[row],
+        }
+    }
+
+    /// Writes the normal c = ± U⁻ᵀ a of a row; gives the column before which it is zero.
+    fn normal(&mut self, row: usize, side: RowState) -> usize {
+        let start = self.qp.rows.coefficients(row, self.c);
+        self.c[..start].fill(0.0);
+        if side == RowState::Upper {
+            self.c[start..].iter_mut().for_each(|c| *c = -*c);
+        }
+        self.factor.solve_transposed(self.c, start);
+        start
+    }
+
+    /// The largest violation times weight at z; 0 where all rows are met. Where one is not, the values become the violations
+    /// times weight, with the sign of their side.
+    fn violations(&mut self, z: &[f64]) -> f64 {
+        let qp = self.qp;
+        qp.rows.values(z, self.values);
+        let bounds = || groups(qp.lower).iter().zip(groups(qp.upper)).zip(groups(qp.weight));
+        let mut worst = f64x4::ZERO;
+        for (value, ((lower, upper), weight)) in groups(self.values).iter().zip(bounds()) {
+            let value = f64x4::new(*value);
+            let outside = (value - f64x4::new(*upper)).fast_max(f64x4::new(*lower) - value);
+            worst = (outside * f64x4::new(*weight)).fast_max(worst);
+        }
+        let worst = worst.to_array().into_iter().fold(0.0, f64::max);
+        if worst > FEASIBLE {
+            for (value, ((lower, upper), weight)) in groups_mut(self.values).iter_mut().zip(bounds()) {
+                for lane in 0..LANES {
+                    let (above, below) = (value[lane] - upper[lane], lower[lane] - value[lane]);
+                    value[lane] = weight[lane] * if above > below { above.max(0.0) } else { -below.max(0.0) };
+                }
+            }
+        }
+        worst
+    }
+
+    /// Takes the largest violation of at least `least` (above zero) from the list, the first of equals.
+    fn next_violated(&mut self, least: f64) -> Option<(usize, RowState)> {
+        let (mut worst, mut found) = (0.0, None);
+        for (row, violation) in self.values[..self.qp.row_count].iter().enumerate() {
+            if violation.abs() > worst {
+                (worst, found) = (violation.abs(), Some(row));
+            }
+        }
+        if worst < least {
+            return None;
+        }
+        let row = found?;
+        let side = if self.values[row] > 0.0 { RowState::Upper } else { RowState::Lower };
+        self.values[row] = 0.0;
+        Some((row, side))
+    }
+
+    /// Adds a row to W, if its violation times weight is still at least `least`: steps along the part of its normal that W
+    /// leaves, letting members go whose multiplier reaches zero on the way. Says whether the violation was that large.
+    fn add(
+        &mut self,
+        row: usize,
+        side: RowState,
+        least: f64,
+        answer: &mut Answer<'_>,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, Ended> {
+        let bound = self.bound(row, side);
+        let weight = self.qp.weight[row];
+        let mut small_enough = least / weight;
+        let mut member = Member::new(row, side, bound);
+        loop {
+            let start = self.normal(row, side);
+            let violation = bound - dot(&self.c[start..], &self.y[start..]);
+            if violation < small_enough {
+                // Another row has met it as well; or letting others go has. (What it pushed meanwhile is put right when W is
+                // next taken afresh.)
+                return Ok(member.multiplier > 0.0);
+            }
+            small_enough = FEASIBLE / weight;
+            if self.iterations >= self.max_iterations || !violation.is_finite() {
+                return Err(Ended::Failed);
+            }
+            if expired() {
+                return Err(Ended::Expired);
+            }
+            self.iterations += 1;
+            let projection = self.working.project(self.c, self.d, start);
+            let dependent = projection.dependent || self.working.len >= self.qp.variables;
+            let full = if dependent { f64::INFINITY } else { (violation / projection.rest).max(0.0) };
+            // λ of the members falls by step · R⁻¹ d.
+            let len = self.working.len;
+            let projected = if dependent { None } else { Some(projection) };
+            let fall = &mut self.fall[..len];
+            fall.copy_from_slice(&self.d[..len]);
+            self.working.solve(fall);
+            let largest = fall.iter().fold(0.0_f64, |largest, fall| largest.max(fall.abs()));
+            let mut blocking = (full, None);
+            for (index, (member, fall)) in self.working.members[..len].iter().zip(fall.iter()).enumerate() {
+                if *fall > ZERO_MULTIPLIER * largest && member.multiplier < blocking.0 * fall {
+                    blocking = (member.multiplier / fall, Some(index));
+                }
+            }
+            let (step, blocked_by) = blocking;
+            if step.is_infinite() {
+                self.certify(&member, answer);
+                return Err(Ended::Infeasible);
+            }
+            for (member, fall) in self.working.members[..len].iter_mut().zip(fall.iter()) {
+                member.multiplier -= step * fall;
+            }
+            member.multiplier += step;
+            if projected.is_some() {
+                subtract(self.y, -step, self.c);
+            }
+            match (blocked_by, projected) {
+                (Some(index), _) => self.working.remove(index),
+                (None, Some(projection)) => {
+                    self.working.push(member, &projection, self.c, self.d);
+                    return Ok(true);
+                }
+                (None, None) => return Err(Ended::Failed),
+            }
+        }
+    }
+
+    /// The row that cannot be met against the members that hold it: Σ y_i a_i = 0.
+    fn certify(&self, row: &Member, answer: &mut Answer<'_>) {
+        answer.working.fill(RowState::Inactive);
+        answer.multipliers.fill(0.0);
+        let members = &self.working.members[..self.working.len];
+        for (member, fall) in members.iter().zip(self.fall.iter()) {
+            answer.multipliers[usize::from(member.row)] = signed(member.side, -fall.min(0.0));
+            answer.working[usize::from(member.row)] = member.side;
+        }
+        answer.multipliers[usize::from(row.row)] += signed(row.side, 1.0);
+        answer.working[usize::from(row.row)] = row.side;
+    }
+}
+
+/// A multiplier λ ≥ 0 with the sign of its side.
+fn signed(side: RowState, multiplier: f64) -> f64 {
+    if side == RowState::Upper { multiplier } else { -multiplier }
+}

@@ -1,0 +1,134 @@
+//! How fast the solver is, beside Clarabel in the same run: condensation and solve of every problem of a file, over and
+//! over, against data update and solve of the form that suits Clarabel better. Sequences of both take turns, so that what else
+//! the machine does meets both.
+
+use std::time::Instant;
+
+use admittance_core::qp::QpOutcome;
+use serde::Serialize;
+
+use crate::clarabel_forms::{Form, Instance};
+use crate::problem_file::{ProblemFile, Task};
+use crate::sequence::{Runner, Sequence, Start};
+
+/// Solves of each kind, at the least.
+const SOLVES: usize = 10_000;
+/// Sequences that Clarabel solves in each form.
+const CLARABEL_SEQUENCES: usize = 5;
+
+/// Percentiles of durations, µs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: f64,
+    /// 99 of 100 are shorter.
+    pub p99: f64,
+    /// 999 of 1000 are shorter.
+    pub p999: f64,
+}
+
+impl Percentiles {
+    fn of(mut durations: Vec<f64>) -> Self {
+        durations.sort_by(f64::total_cmp);
+        let at = |part: f64| {
+            let index = (part * durations.len() as f64) as usize;
+            (durations[index.min(durations.len() - 1)] * 1e3).round() / 1e3
+        };
+        Self { p50: at(0.5), p99: at(0.99), p999: at(0.999) }
+    }
+}
+
+/// What was measured on one file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Figures {
+    /// The file.
+    pub file: String,
+    /// Problems in it.
+    pub problems: usize,
+    /// Largest deviation from the exact inputs, m/s or rad/s.
+    pub max_deviation: f64,
+    /// Condensation and solve, warm-started from the problem before; reset at the start of the sequence.
+    pub warm_us: Percentiles,
+    /// Condensation and solve from nothing.
+    pub cold_us: Percentiles,
+    /// Data update and solve by Clarabel, in the form that is faster at the median.
+    pub clarabel_us: Percentiles,
+    /// Median of Clarabel over the warm median.
+    pub ratio: f64,
+    /// Most iterations of a warm solve.
+    pub iterations_max: u32,
+}
+
+/// Times a file.
+pub fn bench(name: &str, file: &ProblemFile) -> Figures {
+    file.run(Bench { name, file })
+}
+
+struct Bench<'a> {
+    name: &'a str,
+    file: &'a ProblemFile,
+}
+
+fn microseconds(start: Instant) -> f64 {
+    start.elapsed().as_nanos() as f64 * 1e-3
+}
+
+impl Task for Bench<'_> {
+    type Output = Figures;
+
+    fn run<const N: usize, const M: usize>(self, sequence: &Sequence<N, M>) -> Figures {
+        let mut runner = Runner::new(sequence);
+        let problems = sequence.problems.len();
+        let mut max_deviation = 0.0_f64;
+        let sparse: Vec<Form> = self.file.records.iter().map(|record| Form::sparse(self.file, record)).collect();
+        let condensed: Vec<Form> = (0..problems).map(|i| Form::condensed(&mut runner, sequence, i)).collect();
+        let mut forms = [sparse, condensed].map(|forms| {
+            let instance = Instance::new(&forms[0]);
+            let prepared: Vec<_> = forms.iter().map(|form| instance.prepare(form)).collect();
+            (forms, prepared, instance, Vec::new())
+        });
+        let (mut warm, mut cold, mut iterations_max) = (Vec::new(), Vec::new(), 0);
+        let repetitions = SOLVES.div_ceil(problems);
+        for repetition in 0..repetitions {
+            for (start, durations) in [(Start::Warm, &mut warm), (Start::Cold, &mut cold)] {
+                runner.reset();
+                for index in 0..problems {
+                    let begin = Instant::now();
+                    let outcome = runner.solve(sequence, index, start, |outcome, _, _, _, _| outcome);
+                    durations.push(microseconds(begin));
+                    if start == Start::Warm {
+                        iterations_max = iterations_max.max(outcome.iterations());
+                    }
+                }
+            }
+            if repetition % (repetitions / CLARABEL_SEQUENCES).max(1) == 0 {
+                for (forms, prepared, instance, durations) in &mut forms {
+                    for (form, values) in forms.iter().zip(prepared) {
+                        let begin = Instant::now();
+                        instance.solve(form, values);
+                        durations.push(microseconds(begin));
+                    }
+                }
+            }
+        }
+        runner.reset();
+        for index in 0..problems {
+            let (outcome, deviation, _) = runner.deviation(sequence, index, Start::Warm);
+            let solved = matches!(outcome, QpOutcome::Solved { .. });
+            max_deviation = max_deviation.max(if solved { deviation } else { f64::INFINITY });
+        }
+        let warm_us = Percentiles::of(warm);
+        let clarabel = forms.map(|(_, _, _, durations)| Percentiles::of(durations));
+        let clarabel_us = if clarabel[0].p50 < clarabel[1].p50 { clarabel[0] } else { clarabel[1] };
+        Figures {
+            file: self.name.to_owned(),
+            problems,
+            max_deviation,
+            warm_us,
+            cold_us: Percentiles::of(cold),
+            clarabel_us,
+            ratio: (clarabel_us.p50 / warm_us.p50 * 10.0).round() / 10.0,
+            iterations_max,
+        }
+    }
+}
