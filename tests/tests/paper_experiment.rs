@@ -4,6 +4,7 @@
 use admittance_host::config::parse;
 use admittanced::config::Config;
 use admittanced::cycle;
+use end_to_end::session::with_keys;
 use ipc_types::{CommandSample, Verdict};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
@@ -29,6 +30,8 @@ fn scenario(contact_phase: f64) -> Scenario {
 
 struct Run {
     summary: Summary,
+    /// True force at every sample, N.
+    forces: Vec<[f64; 2]>,
     infeasible: u64,
 }
 
@@ -38,15 +41,17 @@ fn run(config: &str, scenario: &Scenario) -> Run {
     let mut plant = VirtualRun::new(scenario).expect("the scenario can be set up");
     let mut summary = Summary::of_scenario(scenario);
     let mut command = CommandSample::zeroed();
-    let mut infeasible = 0;
+    let (mut infeasible, mut forces) = (0, Vec::new());
     while !plant.is_finished() {
         let state = *plant.sample().expect("no fault drops samples");
         cycle.answer(&state, state.stamp_ns, &mut || false, &mut command);
         command.sequence += 1;
         infeasible += u64::from(command.verdict == Verdict::Infeasible.code());
-        summary.add(&plant.advance(Some(&command)).expect("the plant takes every command"));
+        let truth = plant.advance(Some(&command)).expect("the plant takes every command");
+        forces.push([truth.wrench[0], truth.wrench[1]]);
+        summary.add(&truth);
     }
-    Run { summary, infeasible }
+    Run { summary, forces, infeasible }
 }
 
 /// Runs all instants of contact, prints what they show, and hands each to the claims.
@@ -158,4 +163,22 @@ fn a_six_joint_arm_presses_on_a_floor() {
     assert!(summary.first_contact_s.is_some());
     assert!(summary.peak_normal_force_n <= 150.0, "peak {} N", summary.peak_normal_force_n);
     assert_eq!((summary.contact_losses, run.infeasible), (0, 0));
+}
+
+#[test]
+fn forces_do_not_depend_on_the_solver() {
+    // Clarabel as exact as it gets; what is left is its own tolerance, carried on by the loop.
+    let keys = [("mpc.solver", "\"clarabel\""), ("mpc.solver_tolerance", "1e-10"), ("mpc.max_iterations", "200")];
+    for (name, config) in [("paper", MPC_PAPER), ("task space", MPC_TASK_SPACE)] {
+        for phase in [0.1, 0.6] {
+            let scenario = scenario(phase);
+            let (own, reference) = (run(config, &scenario), run(&with_keys(config, &keys), &scenario));
+            assert_eq!(own.forces.len(), reference.forces.len());
+            let differences = own.forces.iter().flatten().zip(reference.forces.iter().flatten());
+            let most = differences.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+            println!("{name}, contact at {phase} of a sample: forces within {most:.1e} N");
+            assert!(most <= 1e-3, "{name}, contact at {phase} of a sample: {most} N");
+            assert!(own.forces.iter().flatten().any(|force| force.abs() > 50.0), "no contact");
+        }
+    }
 }

@@ -2,8 +2,9 @@
 //! (CDC 2016), as a pure state machine: no clock, no I/O, no heap. Equation numbers in parentheses are the paper's.
 //!
 //! The data path of one cycle, file by file: [`sample`] (what may reach the law) → [`contact`] (which axes are in contact)
-//! → [`model`] (17) → [`cost`] (18a) and [`constraints`] (18d), (18e) → [`condensation`] (one dense QP) → [`qp`] (solve and
-//! check) → [`feasibility`] (the verdict) → [`plan`] → [`controller`] (all of it in order, with [`mode`]).
+//! → [`model`] (17) over a [`horizon`] → [`cost`] (18a) and [`constraints`] (18d), (18e) → [`condensation`] (one dense QP)
+//! → [`warm_start`] → [`qp`] (solve and check) → [`feasibility`] (the verdict) → [`plan`] → [`controller`] (all of it in order,
+//! with [`mode`]).
 //!
 //! # Glossary
 //! | symbol | name in code | meaning |
@@ -17,12 +18,13 @@
 //! | x = \[q; q̇; f̂\] | [`model::State`] | state of the prediction (7) |
 //! | Ψ, J, J⁻¹ | [`robot::Kinematics`], [`robot::InverseJacobian`] | forward kinematics, Jacobian and its inverse at the measured q |
 //! | T_V, Λ_TV | `velocity_time_constant` | joint speed loops (4), (9); s |
+//! | r, V | `reference`, `columns` | joint velocity reference J⁻¹ ṗ; columns of J⁻¹ that belong to inputs |
 //! | T_est, Λ_Test | `wrench_time_constant` | wrench estimate (6), (12); s, 0 means f̂ = f |
 //! | K_e | `stiffness` | environment (11), (20) in the base frame; N/m |
 //! | β | `activation_threshold` | section III.C; N |
 //! | f_max, f_min | `force_limit`, `minimum_force` | bounds of s·f_lin on an active axis (18d), (18e); N |
 //! | s | `sign` | sign of the contact of an active axis: +1 or −1 |
-//! | Q, R | [`cost::StateWeights`], `input_weight` | weights of (18a) |
+//! | Q, R | [`cost::Weights`], `input_weight` | weights of (18a) |
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -69,9 +69,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             since += step;
         }
         let known_twist = &known_twist[..mpc.steps().len()];
+        let mut references = [SVector::zeros(); MAX_STEPS];
+        let known_reference = &mut references[..known_twist.len()];
+        write_references(pose, known_twist, known_reference);
         let prediction = Prediction {
             initial: state_of(sample),
-            known_reference: &references(pose, known_twist)[..known_twist.len()],
+            known_reference,
             inputs: InputAxes::from_mask(&inputs),
             previous_input: self.offset,
             wrench_axes: InputAxes::from_mask(&active),
@@ -213,14 +216,13 @@ fn state_of<const N: usize, const D: usize>(sample: &Sample<N, D>) -> State<N, D
 }
 
 /// J⁻¹ of the twist in each step.
-fn references<const N: usize, const D: usize>(
+fn write_references<const N: usize, const D: usize>(
     pose: &Pose<N, D>,
     twists: &[SVector<f64, D>],
-) -> [SVector<f64, N>; MAX_STEPS] {
-    let mut references = [SVector::zeros(); MAX_STEPS];
+    references: &mut [SVector<f64, N>],
+) {
     for (step, twist) in twists.iter().enumerate() {
         let is_repeated = step > 0 && twists[step - 1] == *twist;
         references[step] = if is_repeated { references[step - 1] } else { pose.inverse.joint_velocity(twist) };
     }
-    references
 }

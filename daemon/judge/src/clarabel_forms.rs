@@ -1,6 +1,6 @@
 //! An MPC problem in the two forms that suit Clarabel, with the settings that solve them fastest and reliably: each set up
-//! once with the pattern of a sequence, then updated in place. Iterative refinement and presolve are off; without
-//! equilibration Clarabel fails on one problem in ten.
+//! once with the pattern of a sequence, then updated in place. Iterative refinement and presolve are off. Without equilibration
+//! the condensed form is often faster, while the sparse form is not solved any more; so both are tried.
 
 use admittance_core::constraints::RowKind;
 use clarabel::algebra::CscMatrix;
@@ -118,7 +118,8 @@ impl Form {
         index: usize,
     ) -> Self {
         runner.solve(sequence, index, Start::Cold, |_, rows, qp, _, _| {
-            let n = qp.variables;
+            // An input that does not act at once does not act on its own step.
+            let (n, delay) = (qp.variables, sequence.horizon.first_reached());
             let mut form = Self { gradient: qp.gradient[..n].to_vec(), ..Self::default() };
             for (row, column) in (0..n).flat_map(|column| (0..=column).map(move |row| (row, column))) {
                 form.hessian.push(row, column, qp.hessian[row * qp.stride + column]);
@@ -130,10 +131,17 @@ impl Form {
                     qp.rows.coefficients(row, &mut coefficients);
                     let bounded = rows.layout.row(row);
                     let acting = match bounded.kind {
-                        RowKind::Force => 0..sequence.horizon.force_points()[bounded.instant].step,
+                        RowKind::Force => 0..sequence.horizon.force_points()[bounded.instant].step + 1 - delay,
+                        RowKind::JointPosition => 0..bounded.instant + 1 - delay,
+                        RowKind::Rate => bounded.instant.saturating_sub(1)..bounded.instant + 1,
                         _ => bounded.instant..bounded.instant + 1,
                     };
-                    for column in acting.flat_map(|step| rows.inputs_of(step)) {
+                    let columns: Vec<usize> = acting.flat_map(|step| rows.inputs_of(step)).collect();
+                    debug_assert!(
+                        (0..n).all(|column| coefficients[column] == 0.0 || columns.contains(&column)),
+                        "{bounded:?}: every input that acts is in the form"
+                    );
+                    for column in columns {
                         form.matrix.push(form.bounds.len(), column, sign * qp.weight[row] * coefficients[column]);
                     }
                     let bound = if sign > 0.0 { qp.upper[row] } else { qp.lower[row] };
@@ -164,10 +172,19 @@ impl Instance {
     /// # Panics
     /// Never: the forms have matching sizes.
     pub fn new(form: &Form) -> Self {
+        Self::with_equilibration(form, true)
+    }
+
+    /// As [`Self::new`], with or without equilibration.
+    ///
+    /// # Panics
+    /// Never: the forms have matching sizes.
+    pub fn with_equilibration(form: &Form, equilibrate: bool) -> Self {
         let (hessian_order, matrix_order) = (form.hessian.order(), form.matrix.order());
         let (n, rows) = (form.gradient.len(), form.bounds.len());
         let settings = DefaultSettings {
             verbose: false,
+            equilibrate_enable: equilibrate,
             iterative_refinement_enable: false,
             presolve_enable: false,
             input_sparse_dropzeros: false,
@@ -193,6 +210,11 @@ impl Instance {
     pub fn prepare(&self, form: &Form) -> (Vec<f64>, Vec<f64>) {
         let pick = |entries: &Entries, order: &[usize]| order.iter().map(|&index| entries.values[index]).collect();
         (pick(&form.hessian, &self.hessian_order), pick(&form.matrix, &self.matrix_order))
+    }
+
+    /// The variables of the last solution, in the order of the form.
+    pub fn solution(&self) -> &[f64] {
+        &self.solver.solution.x
     }
 
     /// Updates the data and solves; false when the solver did not reach its tolerance.

@@ -153,9 +153,13 @@ impl Defendant {
 
     /// Compares the solver with the judge on the random problems of some seeds, cold and from a guess that is partly wrong.
     pub fn try_seeds(&mut self, seeds: impl IntoIterator<Item = u64>) -> Tally {
+        self.try_problems(seeds.into_iter().map(|seed| (seed, DenseQp::random(seed))))
+    }
+
+    /// As [`Self::try_seeds`], on problems with their seeds.
+    pub fn try_problems(&mut self, problems: impl IntoIterator<Item = (u64, DenseQp)>) -> Tally {
         let mut tally = Tally::default();
-        for seed in seeds {
-            let problem = DenseQp::random(seed);
+        for (seed, problem) in problems {
             let qp = problem.qp();
             let cold = self.solve(&qp, vec![RowState::Inactive; qp.row_count]);
             tally.most_iterations = tally.most_iterations.max(cold.outcome.iterations());

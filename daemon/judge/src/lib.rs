@@ -4,6 +4,7 @@
 
 pub mod bench;
 pub mod clarabel_forms;
+pub mod default_profile;
 pub mod judge;
 pub mod problem_file;
 pub mod random_qp;

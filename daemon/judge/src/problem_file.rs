@@ -17,6 +17,9 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::sequence::{Problem, Sequence};
 
+/// Largest deviation of an entry of A, B or c from the model's, relative to the larger of 1 and the entry.
+const STRUCTURE: f64 = 1e-12;
+
 /// Why a file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ProblemFileError {
@@ -196,6 +199,7 @@ impl ProblemFile {
     fn check_structure(&self) -> Result<(), ProblemFileError> {
         let (nd, nx, nu, t) = (self.joints, self.states(), self.inputs, self.sampling_time());
         let first = &self.records[0].a;
+        self.check_ranges()?;
         for (index, record) in self.records.iter().enumerate() {
             for row in 0..nx {
                 let decay = first[row * nx + row];
@@ -231,13 +235,44 @@ impl ProblemFile {
                     .chain((0..nu).map(|column| ("B", column, record.b[row * nu + column], expected_b(column))))
                     .chain(c.map(|c| ("c", 0, record.c[row], c)));
                 for (matrix, column, found, expected) in entries {
-                    if (found - expected).abs() > 1e-9 * expected.abs().max(1.0) {
+                    if (found - expected).abs() > STRUCTURE * expected.abs().max(1.0) {
                         return Err(format_error(
                             format!("record {index}, {matrix}[{row}, {column}]"),
                             found,
                             format!("{expected}, as in the Euler model (17) with constant T_s, T_V and T_est"),
                         ));
                     }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the model can be read off and each problem is strictly convex, with bounds the right way round.
+    fn check_ranges(&self) -> Result<(), ProblemFileError> {
+        let (nd, nx, t) = (self.joints, self.states(), self.sampling_time());
+        let check = |is_accepted: bool, field: String, found: f64, accepted: &str| {
+            if is_accepted { Ok(()) } else { Err(format_error(field, found, accepted)) }
+        };
+        for (index, &weight) in self.state_weight.iter().enumerate() {
+            check(weight >= 0.0, format!("Q[{index}]"), weight, "a weight of at least 0")?;
+        }
+        for (index, &weight) in self.input_weight.iter().enumerate() {
+            check(weight > 0.0, format!("R[{index}]"), weight, "a weight above 0")?;
+        }
+        check(t > 0.0, format!("record 0, A[0, {nd}]"), t, "a sampling time above 0 s")?;
+        for row in nd..nx {
+            let decay = self.records[0].a[row * nx + row];
+            let accepted = "1 − T_s/T above −1 and below 1";
+            check(decay.abs() < 1.0, format!("record 0, A[{row}, {row}]"), decay, accepted)?;
+        }
+        for (index, record) in self.records.iter().enumerate() {
+            for (field, lower, upper) in
+                [("f_hi", &record.f_lower, &record.f_upper), ("v_hi", &record.v_lower, &record.v_upper)]
+            {
+                for (axis, (&lower, &upper)) in lower.iter().zip(upper).enumerate() {
+                    let accepted = format!("at least the lower bound, {lower}");
+                    check(lower <= upper, format!("record {index}, {field}[{axis}]"), upper, &accepted)?;
                 }
             }
         }
@@ -305,6 +340,8 @@ impl ProblemFile {
                     joint_velocity: reference.joint_velocity,
                     wrench: reference.wrench,
                 },
+                jacobian: SMatrix::zeros(),
+                previous_input: SVector::zeros(),
                 solution: record.solution.clone(),
             }
         });

@@ -130,15 +130,21 @@ impl DenseQp {
         }
     }
 
-    /// The problem of this seed.
+    /// The problem of this seed, with at most [`MAX_VARIABLES`] and [`MAX_ROWS`]. Seeds of hard cases are kept: a seed must go
+    /// on giving the same problem.
     pub fn random(seed: u64) -> Self {
+        Self::random_up_to(seed, MAX_VARIABLES, MAX_ROWS)
+    }
+
+    /// The problem of this seed among those of other sizes.
+    pub fn random_up_to(seed: u64, most_variables: usize, most_rows: usize) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut number = move || rng.random_range(-1.0..1.0_f64);
         let mut upto = {
             let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x5eed);
             move |most: usize| rng.random_range(0..=most)
         };
-        let variables = 1 + upto(MAX_VARIABLES - 1);
+        let variables = 1 + upto(most_variables - 1);
         // Scales of the variables: alike, or over three and a half decades, which are seven of H.
         let decades = [0.0, 0.5, 1.75][upto(2)];
         let scales: Vec<f64> = (0..variables).map(|_| 10.0_f64.powf(decades * number())).collect();
@@ -152,7 +158,7 @@ impl DenseQp {
         // A point that a feasible problem allows.
         let inside: Vec<f64> = (0..variables).map(|i| number() / scales[i]).collect();
         let is_contradictory = upto(4) == 0;
-        let rows = upto(MAX_ROWS.min(3 * variables));
+        let rows = upto(most_rows.min(3 * variables));
         let mut equalities = variables / 3;
         for index in 0..rows {
             let mut row: Vec<f64> = match upto(5) {

@@ -29,6 +29,10 @@ pub struct Problem<const N: usize> {
     pub constraints: Constraints<N, N>,
     /// x⁰.
     pub set_point: SetPoint<N, N>,
+    /// J at the measured pose: what task weights need, else zero.
+    pub jacobian: SMatrix<f64, N, N>,
+    /// u_{−1}: what the rate of the first input is counted from, m/s and rad/s.
+    pub previous_input: SVector<f64, N>,
     /// The exact inputs, step by step.
     pub solution: Vec<f64>,
 }
@@ -56,12 +60,12 @@ impl<const N: usize, const M: usize> Sequence<N, M> {
             initial: problem.initial,
             known_reference: &problem.known_reference,
             inputs: self.inputs,
-            previous_input: SVector::zeros(),
+            previous_input: problem.previous_input,
             wrench_axes: self.wrench_axes,
             constraints: problem.constraints,
             set_point: problem.set_point,
             weights: &self.weights,
-            jacobian: SMatrix::zeros(),
+            jacobian: problem.jacobian,
             input_weight: self.input_weight,
             slack_price: None,
         }

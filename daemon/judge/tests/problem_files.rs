@@ -90,6 +90,14 @@ fn what_is_no_file_of_problems_is_refused_with_the_field() {
         (changed(16, &99_i32.to_le_bytes()), "header, H: found 99, accepted: 2 to 32"),
         (changed(32, &f64::NAN.to_le_bytes()), "Q[0]: found NaN, accepted: a finite number"),
         (changed(96, &2.0_f64.to_le_bytes()), "record 0, A[0, 0]: found 2"),
+        (changed(96, &(1.0 + 1e-11_f64).to_le_bytes()), "record 0, A[0, 0]: found 1.00000000001"),
+        (changed(32, &(-1.0_f64).to_le_bytes()), "Q[0]: found -1, accepted: a weight of at least 0"),
+        (changed(80, &0.0_f64.to_le_bytes()), "R[0]: found 0, accepted: a weight above 0"),
+        (changed(112, &0.0_f64.to_le_bytes()), "record 0, A[0, 2]: found 0, accepted: a sampling time above 0 s"),
+        (changed(208, &1.0_f64.to_le_bytes()), "record 0, A[2, 2]: found 1, accepted: 1 − T_s/T above −1 and below 1"),
+        (changed(12, &3_i32.to_le_bytes()), "header, nc: found 3, accepted: 0 to 2"),
+        (changed(0, &7_i32.to_le_bytes()), "header, nx: found 7, accepted: 6 to 6"),
+        (changed(20, &0_i32.to_le_bytes()), "header, count: found 0"),
     ];
     for (bytes, expected) in cases {
         let error = ProblemFile::parse(&bytes).expect_err("no file of problems").to_string();

@@ -12,7 +12,6 @@ use super::rows::MpcRows;
 use super::{SLACK_CURVATURE, SLACK_UNIT};
 use crate::cost::Weights;
 use crate::model::Step;
-use crate::plan::MAX_STEPS;
 use crate::qp::LANES;
 
 /// Wrench estimates with TCP velocities and positions; or wrench estimates and joints.
@@ -308,6 +307,3 @@ fn filter(axes: &[usize], panel: &mut Panel<'_>, n: usize, factors: impl Fn(usiz
         }
     }
 }
-
-/// A horizon's tables hold all its steps.
-const _: () = assert!(MAX_STEPS * 6 + 1 <= crate::qp::MAX_VARIABLES);

@@ -8,6 +8,7 @@
 //!
 //! Variables stand in reversed time order, [u_{H−1}; …; u_0]: a row that bounds an early instant then has its coefficients
 //! at the end, and so has its image under the Cholesky factor.
+#![allow(clippy::needless_range_loop, reason = "formulas index several arrays at once")]
 
 mod hessian;
 mod joints;
@@ -201,7 +202,8 @@ impl Pieces<'_> {
 /// n² (3 m + H m) / 2 at most.
 pub fn condense<const N: usize, const D: usize, const M: usize>(rows: &MpcRows<'_, N, D, M>, pieces: &mut Pieces<'_>) {
     let responses = responses::Responses::<N>::of(pieces.tables, rows.horizon.steps().len());
-    let free = trajectory::write_gradient(rows, pieces.gradient);
+    let mut free = trajectory::FreeTrajectory::EMPTY;
+    trajectory::write_gradient(rows, pieces.gradient, &mut free);
     rows.write_bounds(&free, pieces.lower, pieces.upper, pieces.weight);
     hessian::write(&responses, rows, pieces.hessian, pieces.stride, pieces.scratch);
 }

@@ -175,7 +175,6 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
     }
 
     /// The bounds of every row, relative to what happens without inputs, and the rows' weights; unbounded beyond the rows.
-    #[inline(never)]
     pub(super) fn write_bounds(
         &self,
         free: &FreeTrajectory<N, M>,

@@ -15,6 +15,9 @@ pub(super) struct FreeTrajectory<const N: usize, const M: usize> {
 }
 
 impl<const N: usize, const M: usize> FreeTrajectory<N, M> {
+    /// Where [`write_gradient`] writes.
+    pub(super) const EMPTY: Self = Self { joints: [Joints::ZERO; MAX_STEPS + 1], wrench: [[0.0; M]; MAX_STEPS] };
+
     /// Joints at the start of step `step`.
     pub(super) fn joints(&self, step: usize) -> &Joints<N> {
         &self.joints[step]
@@ -76,18 +79,18 @@ impl<const N: usize, const M: usize> Estimates<N, M> {
     }
 }
 
-/// The free trajectory, and g; zero beyond the variables.
-#[inline(never)]
+/// Writes the free trajectory, and g; zero beyond the variables.
 pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     rows: &MpcRows<'_, N, D, M>,
     gradient: &mut [f64],
-) -> FreeTrajectory<N, M> {
+    free: &mut FreeTrajectory<N, M>,
+) {
     let prediction = rows.prediction;
     let steps = rows.horizon.steps();
     let mut estimates = Estimates::new(rows);
     let initial = &prediction.initial;
     let mut joints = Joints { position: *array(&initial.joint_position), velocity: *array(&initial.joint_velocity) };
-    let mut free = FreeTrajectory { joints: [joints; MAX_STEPS + 1], wrench: [[0.0; M]; MAX_STEPS] };
+    free.joints[0] = joints;
     let mut wrench = [0.0; M];
     for (value, &axis) in wrench.iter_mut().zip(prediction.wrench_axes.as_slice()) {
         *value = initial.wrench[axis];
@@ -131,7 +134,6 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
         (0..N).for_each(|i| costate.position[i] += at_start[i]);
         (0..M).for_each(|j| push[j] *= estimates.decay[j]);
     }
-    free
 }
 
 /// costate += Q (x − x⁰) of q and q̇.

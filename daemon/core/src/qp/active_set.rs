@@ -190,7 +190,6 @@ impl Run<'_, '_> {
     }
 
     /// W from the guess, without the rows that depend on others or do not push: then λ ≥ 0, as the method needs it.
-    #[inline(never)]
     fn warm_start(&mut self, guess: &[RowState]) {
         let mut from = 0;
         // Few rows are guessed of many: the others are passed over quickly.

@@ -24,7 +24,6 @@ impl Factor<'_> {
     ///
     /// n³/6 multiplications and as many additions, in blocks of four rows: a tile of U is kept in registers while all rows
     /// above are subtracted from it.
-    #[inline(never)]
     pub(super) fn compute(&mut self, hessian: &[f64], n: usize) -> bool {
         let stride = self.stride;
         let mut positive = true;
@@ -84,7 +83,6 @@ impl Factor<'_> {
     }
 
     /// x ← U⁻¹ x; stride²/2 multiplications.
-    #[inline(never)]
     pub(super) fn solve(&self, x: &mut [f64]) {
         let stride = self.stride;
         for first in (0..stride).step_by(LANES).rev() {

@@ -1,5 +1,6 @@
 //! The quadratic program and who solves it. The core builds it ([`crate::condensation`]), solves it ([`ActiveSet`]) and
 //! checks what comes back ([`kkt_residual`], [`certificate_gap`]); another solver may stand in through [`QpSolver`].
+#![allow(clippy::needless_range_loop, reason = "formulas index several arrays at once")]
 
 mod active_set;
 mod check;

@@ -73,7 +73,8 @@ impl WorkingSet<'_> {
             }
             last = rest;
         }
-        Projection { rest, dependent: !(rest > before * (DEPENDENT * DEPENDENT)), start }
+        let dependent = rest <= before * (DEPENDENT * DEPENDENT) || rest.is_nan();
+        Projection { rest, dependent, start }
     }
 
     fn take_away(&self, c: &mut [f64], d: &mut [f64], start: usize) {

@@ -1,0 +1,56 @@
+#!/usr/bin/env python3
+"""Instructions per warm solve of every problem file, counted by callgrind: a figure that a busy machine does not change.
+
+    instructions.py PROGRAM            compares with instructions.json; exit 1 when a file takes over 3 % more
+    instructions.py PROGRAM --write    writes what it counts
+
+PROGRAM is the release build of the example "solve". What a run takes besides solving cancels out: the difference of three
+rounds and one is counted.
+"""
+
+import json
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+HERE = pathlib.Path(__file__).resolve().parent
+RECORD = HERE / "instructions.json"
+PROBLEMS_PER_FILE = 80
+TOLERANCE = 0.03
+
+
+def count(program, file, rounds):
+    with tempfile.TemporaryDirectory() as directory:
+        command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={directory}/out", program, str(file), str(rounds)]
+        run = subprocess.run(command, capture_output=True, text=True)
+    found = re.search(r"Collected : (\d+)", run.stderr)
+    if run.returncode != 0 or not found:
+        sys.exit(f"{' '.join(command)} failed:\n{run.stderr}")
+    return int(found.group(1))
+
+
+def main():
+    if len(sys.argv) not in (2, 3) or sys.argv[2:] not in ([], ["--write"]):
+        sys.exit(__doc__)
+    program = sys.argv[1]
+    found = {}
+    for file in sorted((HERE / "problems").glob("*.bin")):
+        found[file.stem] = round((count(program, file, 3) - count(program, file, 1)) / 2 / PROBLEMS_PER_FILE)
+    if sys.argv[2:]:
+        RECORD.write_text(json.dumps(found, indent=2) + "\n")
+        return
+    recorded = json.loads(RECORD.read_text())
+    slower = False
+    for name, instructions in found.items():
+        change = instructions / recorded[name] - 1
+        verdict = "too many" if change > TOLERANCE else "fewer: write them down" if change < -TOLERANCE else "as recorded"
+        print(f"{name}: {instructions} instructions per solve, {100 * change:+.1f} %, {verdict}")
+        slower |= change > TOLERANCE
+    if slower:
+        sys.exit(f"over {100 * TOLERANCE:.0f} % more instructions than recorded: find out why, or run {sys.argv[0]} PROGRAM --write")
+
+
+if __name__ == "__main__":
+    main()
