@@ -18,6 +18,13 @@ pub const MPC_PAPER: &str = include_str!("../../deploy/demo/mpc-paper.toml");
 /// in x are more than the 200 N allowed in y.
 pub const CONTRADICTION: (&str, &str) = ("contact.minimum_force", "[100.0, 0.1]");
 
+/// Keys that let the daemon bear a machine that is busy for some cycles, in tests that are not about that.
+pub const PATIENT: [(&str, &str); 3] = [
+    ("control.max_sample_age_s", "0.1"),
+    ("control.answer_budget_s", "0.0035"),
+    ("control.max_consecutive_fallbacks", "20"),
+];
+
 /// A TOML text with keys changed or added, each given as "section.key" and a TOML value.
 ///
 /// # Panics

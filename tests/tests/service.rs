@@ -3,8 +3,8 @@
 use std::process::{Command, Output};
 
 use end_to_end::session::{
-    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, ctl_command, daemon_command, plant_command, run_plant, start_daemon,
-    wait_for_log, with_keys, write,
+    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, ctl_command, daemon_command, plant_command, run_plant,
+    start_daemon, wait_for_log, with_keys, write,
 };
 use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, needs, python};
 
@@ -81,7 +81,7 @@ fn reload_takes_what_may_change_and_refuses_the_rest_with_a_reason() {
 #[test]
 fn a_stop_is_reported_and_reset_once_nothing_pushes_in() {
     let ipc = PrivateIpc::new("planar");
-    let config = write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &[CONTRADICTION]));
+    let config = write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &[&PATIENT[..], &[CONTRADICTION]].concat()));
     let mut daemon = start_daemon(&ipc, &config);
     let (code, text) = output(&mut ctl_command(&ipc, "reset", &config));
     assert_eq!((code, text.contains("not Stopped")), (Some(1), true), "{text}");

@@ -1,7 +1,8 @@
 //! Daemon and plant as two real processes over real shared memory, in real time.
 
 use end_to_end::session::{
-    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, daemon_command, run_plant, start_daemon, wait_for_log, with_keys, write,
+    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, daemon_command, run_plant, start_daemon, wait_for_log,
+    with_keys, write,
 };
 use end_to_end::{Child, PATIENCE, PrivateIpc};
 use ipc_types::{Motion, TruthSample};
@@ -15,6 +16,37 @@ const DELAY: (&str, &str) = ("timing.command_delay_s", "0.001");
 
 fn scenario(changes: &[(&str, &str)]) -> String {
     with_keys(PAPER_SCENARIO, &[&[DELAY], changes].concat())
+}
+
+/// The paper's MPC, for tests that are not about deadlines.
+fn patient(changes: &[(&str, &str)]) -> String {
+    with_keys(MPC_PAPER, &[&PATIENT, changes].concat())
+}
+
+/// Whether a daemon's log shows a stop that a busy machine brings about, and not `expected`.
+fn was_disturbed(log: &str, expected: &str) -> bool {
+    let by_machine = ["SampleStale", "FallbackExhausted", "RateMismatch"];
+    !log.contains(expected) && by_machine.iter().any(|reason| log.contains(reason))
+}
+
+/// Runs the paper's experiment until the daemon has stopped for whatever reason, again where a busy machine was the reason;
+/// `None` on a machine that always is.
+fn run_until_stopped(
+    daemon_config: &str,
+    scenario: &str,
+    expected: &str,
+) -> Option<(Vec<TruthSample>, Child, PrivateIpc)> {
+    for _ in 0..TRIES {
+        let ipc = PrivateIpc::new("planar");
+        let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", daemon_config));
+        let truths = run_plant(&ipc, &write(&ipc, "scenario.toml", scenario), |_| {});
+        wait_for_log(&mut daemon, "Stopped");
+        if !was_disturbed(&daemon.stderr(), expected) {
+            return Some((truths, daemon, ipc));
+        }
+    }
+    println!("SKIPPED: machine too busy: the daemon stopped for want of time in {TRIES} runs");
+    None
 }
 
 /// Truth of a run in which no command was missed from shortly before contact on; `None` on a machine too busy for one.
@@ -37,7 +69,7 @@ fn quiet_run(daemon_config: &str, scenario: &str) -> Option<(Vec<TruthSample>, S
 
 #[test]
 fn the_papers_experiment_keeps_the_limit_and_the_contact() {
-    let Some((_, summary, mut daemon, _ipc)) = quiet_run(MPC_PAPER, &scenario(&[])) else { return };
+    let Some((_, summary, mut daemon, _ipc)) = quiet_run(&patient(&[]), &scenario(&[])) else { return };
     println!("peak |f_y| {:.1} N, settled {:.1} N", summary.peak_force_y_n, summary.settled_force_y_n());
     assert!(summary.first_contact_s.is_some());
     assert!(summary.peak_force_y_n <= 230.0, "a delay of 1 ms that the paper's model does not know costs some newtons");
@@ -46,24 +78,31 @@ fn the_papers_experiment_keeps_the_limit_and_the_contact() {
     assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
 }
 
-/// Starts the experiment and sends `signal` to the daemon at this time of the scenario.
-fn stopped_at(time_s: f64, signal: i32) -> (Vec<TruthSample>, String) {
-    let ipc = PrivateIpc::new("planar");
-    let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", MPC_PAPER));
-    let mut sent = false;
-    let truths = run_plant(&ipc, &write(&ipc, "scenario.toml", &scenario(&[])), |truth| {
-        if !sent && truth.scenario_time_s >= time_s {
-            daemon.signal(signal);
-            sent = true;
+/// Starts the experiment and sends `signal` to the daemon at this time of the scenario; `None` on a machine that stops the
+/// daemon before.
+fn stopped_at(time_s: f64, signal: i32, expected: &str) -> Option<(Vec<TruthSample>, String)> {
+    for _ in 0..TRIES {
+        let ipc = PrivateIpc::new("planar");
+        let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &patient(&[])));
+        let mut sent = false;
+        let truths = run_plant(&ipc, &write(&ipc, "scenario.toml", &scenario(&[])), |truth| {
+            if !sent && truth.scenario_time_s >= time_s {
+                daemon.signal(signal);
+                sent = true;
+            }
+        });
+        assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
+        if !was_disturbed(&daemon.stderr(), expected) {
+            return Some((truths, daemon.stderr()));
         }
-    });
-    assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
-    (truths, daemon.stderr())
+    }
+    println!("SKIPPED: machine too busy: the daemon stopped for want of time in {TRIES} runs");
+    None
 }
 
 #[test]
 fn sigterm_in_contact_ends_held_at_a_low_force() {
-    let (truths, log) = stopped_at(1.2, libc::SIGTERM);
+    let Some((truths, log)) = stopped_at(1.2, libc::SIGTERM, "Stopped: Shutdown") else { return };
     assert!(log.contains("Stopped: Shutdown"), "{log}");
     let last = truths.last().expect("a run");
     assert_eq!(last.motion, Motion::Hold.code());
@@ -79,7 +118,8 @@ fn sigterm_in_contact_ends_held_at_a_low_force() {
 
 #[test]
 fn sigint_in_free_motion_ends_at_once_and_the_controller_stops_by_itself() {
-    let (truths, log) = stopped_at(0.3, libc::SIGINT);
+    // Whatever the log says of a stop before the end, this one fails on.
+    let Some((truths, log)) = stopped_at(0.3, libc::SIGINT, "no stop") else { return };
     assert!(log.contains("SIGINT") && !log.contains("Stopped"), "{log}");
     assert_eq!(truths.last().expect("a run").motion, Motion::Hold.code(), "no valid command: the plant holds");
     assert!(truths.iter().all(|truth| truth.in_contact == 0), "it stopped before it reached the surface");
@@ -95,11 +135,10 @@ fn samples_that_may_not_reach_the_law_stop_the_arm_with_their_reason() {
         ("drop", "SampleStale"),
         ("drives_disabled", "DrivesDisabled"),
     ] {
-        let ipc = PrivateIpc::new("planar");
-        let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", MPC_PAPER));
         let fault = format!("[{{ at_s = 1.2, duration_s = 2.0, kind = \"{kind}\" }}]");
-        let truths = run_plant(&ipc, &write(&ipc, "scenario.toml", &scenario(&[("fault", &fault)])), |_| {});
-        wait_for_log(&mut daemon, "Stopped");
+        let scenario = scenario(&[("fault", &fault)]);
+        // What counts as stale is part of this test: as shipped.
+        let Some((truths, mut daemon, _ipc)) = run_until_stopped(MPC_PAPER, &scenario, reason) else { return };
         wait_for_log(&mut daemon, reason);
         let last = truths.last().expect("a run");
         assert_eq!(last.motion, Motion::Hold.code(), "{kind}: {}", daemon.report());
@@ -110,12 +149,10 @@ fn samples_that_may_not_reach_the_law_stop_the_arm_with_their_reason() {
 
 #[test]
 fn an_infeasible_contact_is_a_latched_stop_that_says_what_is_missing() {
-    let ipc = PrivateIpc::new("planar");
-    // This is not about deadlines: on a busy machine the verdict may take most of a cycle.
-    let config = with_keys(MPC_PAPER, &[CONTRADICTION, ("control.answer_budget_s", "0.0035")]);
-    let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &config));
-    let truths = run_plant(&ipc, &write(&ipc, "scenario.toml", &scenario(&[])), |_| {});
-    wait_for_log(&mut daemon, "Stopped: Infeasible, the ");
+    let expected = "Stopped: Infeasible, the ";
+    let config = patient(&[CONTRADICTION]);
+    let Some((truths, mut daemon, _ipc)) = run_until_stopped(&config, &scenario(&[]), expected) else { return };
+    wait_for_log(&mut daemon, expected);
     assert!(daemon.stderr().contains("is missed by at least"), "{}", daemon.report());
     assert_eq!(truths.last().expect("a run").motion, Motion::Hold.code());
 }
@@ -123,7 +160,7 @@ fn an_infeasible_contact_is_a_latched_stop_that_says_what_is_missing() {
 #[test]
 fn a_singular_pose_is_said_and_stops() {
     let ipc = PrivateIpc::new("planar");
-    let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", MPC_PAPER));
+    let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &patient(&[])));
     // Nearly stretched: the plant can still move there, the daemon's bound is stricter.
     let mut table: toml::Table = scenario(&[("start.joint_position_rad", "[1.0, -0.02]")]).parse().expect("TOML");
     table.remove("surface");

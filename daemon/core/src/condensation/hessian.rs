@@ -49,6 +49,8 @@ impl Panel<'_> {
 }
 
 /// Writes the upper triangle; what is left of the diagonal or beyond the variables in a row is not defined.
+// Apart from its neighbours: in one function they would share too few registers.
+#[inline(never)]
 pub(super) fn write<const N: usize, const D: usize, const M: usize>(
     responses: &Responses<'_, N>,
     rows: &MpcRows<'_, N, D, M>,

@@ -202,7 +202,7 @@ impl Pieces<'_> {
 /// n² (3 m + H m) / 2 at most.
 pub fn condense<const N: usize, const D: usize, const M: usize>(rows: &MpcRows<'_, N, D, M>, pieces: &mut Pieces<'_>) {
     let responses = responses::Responses::<N>::of(pieces.tables, rows.horizon.steps().len());
-    let mut free = trajectory::FreeTrajectory::EMPTY;
+    let mut free = trajectory::FreeTrajectory::empty();
     trajectory::write_gradient(rows, pieces.gradient, &mut free);
     rows.write_bounds(&free, pieces.lower, pieces.upper, pieces.weight);
     hessian::write(&responses, rows, pieces.hessian, pieces.stride, pieces.scratch);

@@ -175,6 +175,8 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
     }
 
     /// The bounds of every row, relative to what happens without inputs, and the rows' weights; unbounded beyond the rows.
+    // Apart from its neighbours: in one function they would share too few registers.
+    #[inline(never)]
     pub(super) fn write_bounds(
         &self,
         free: &FreeTrajectory<N, M>,

@@ -16,7 +16,10 @@ pub(super) struct FreeTrajectory<const N: usize, const M: usize> {
 
 impl<const N: usize, const M: usize> FreeTrajectory<N, M> {
     /// Where [`write_gradient`] writes.
-    pub(super) const EMPTY: Self = Self { joints: [Joints::ZERO; MAX_STEPS + 1], wrench: [[0.0; M]; MAX_STEPS] };
+    #[inline(always)]
+    pub(super) fn empty() -> Self {
+        Self { joints: [Joints::ZERO; MAX_STEPS + 1], wrench: [[0.0; M]; MAX_STEPS] }
+    }
 
     /// Joints at the start of step `step`.
     pub(super) fn joints(&self, step: usize) -> &Joints<N> {
@@ -80,6 +83,8 @@ impl<const N: usize, const M: usize> Estimates<N, M> {
 }
 
 /// Writes the free trajectory, and g; zero beyond the variables.
+// Apart from its neighbours: in one function they would share too few registers.
+#[inline(never)]
 pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     rows: &MpcRows<'_, N, D, M>,
     gradient: &mut [f64],
