@@ -107,7 +107,7 @@ fn a_stop_is_reported_and_reset_once_nothing_pushes_in() {
     assert_eq!((code, text.contains("from Stopped (Infeasible) to Idle")), (Some(0), true), "{text}");
 
     // With limits that can be met, touch again. The plant is a new one: its samples start anew.
-    write(&ipc, "daemon.toml", MPC_PAPER);
+    write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &PATIENT));
     daemon.signal(libc::SIGHUP);
     wait_for_log(&mut daemon, "reload: the new configuration is in force");
     let again = write(&ipc, "again.toml", &with_keys(PAPER_SCENARIO, &[("timing.command_delay_s", "0.001")]));
