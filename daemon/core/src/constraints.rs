@@ -200,24 +200,16 @@ impl Layout {
         (section.first + section.instants).saturating_sub(1)
     }
 
-    /// What row number `number` bounds.
-    ///
-    /// # Panics
-    /// When there is no such row.
-    pub fn row(&self, number: usize) -> Row {
-        let kind = KINDS
-            .into_iter()
-            .rfind(|kind| {
-                let section = &self.sections[*kind as usize];
-                section.len * section.instants > 0 && section.offset <= number
-            })
-            .expect("a row of the layout");
-        let section = &self.sections[kind as usize];
+    /// What row number `number` bounds; `None` when there is no such row.
+    pub fn row(&self, number: usize) -> Option<Row> {
+        let is_in =
+            |section: &&Section<8>| (section.offset..section.offset + section.len * section.instants).contains(&number);
+        let (kind, section) = KINDS.into_iter().zip(&self.sections).find(|(_, section)| is_in(section))?;
         let index = number - section.offset;
-        Row {
+        Some(Row {
             kind,
             component: usize::from(section.components[index % section.len]),
             instant: section.first + index / section.len,
-        }
+        })
     }
 }

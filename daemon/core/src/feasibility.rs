@@ -55,8 +55,9 @@ pub fn margin_of<const N: usize, const D: usize, const M: usize>(
             best = Some((margin, row));
         }
     }
-    let Some((margin, row)) = best else { return Verdict::None };
-    let (axis, time) = rows.force_row(row);
+    let Some((margin, (axis, time))) = best.and_then(|(margin, row)| Some((margin, rows.force_row(row)?))) else {
+        return Verdict::None;
+    };
     Verdict::Feasible { margin: margin - rows.slack(z), axis, time }
 }
 
@@ -72,7 +73,7 @@ pub fn checked_infeasible<const N: usize, const D: usize, const M: usize>(
     let force = rows.force_rows();
     let shortfall = certificate_gap(qp, y, reach, &|row| force.contains(&row), scratch)?;
     let row = rows.force_rows().max_by(|&a, &b| y[a].abs().total_cmp(&y[b].abs()))?;
-    let (axis, time) = rows.force_row(row);
+    let (axis, time) = rows.force_row(row)?;
     let side = if y[row] > 0.0 { Side::Upper } else { Side::Lower };
     Some(Verdict::Infeasible { axis, side, time, shortfall })
 }

@@ -92,11 +92,11 @@ impl WarmStart {
         }
         self.stamp = stamp;
         self.len = 0;
-        for (number, &state) in working.iter().enumerate() {
-            if state != RowState::Inactive && self.len < MAX_VARIABLES {
-                self.rows[self.len] = (layout.row(number), state);
-                self.len += 1;
-            }
+        let active = working.iter().enumerate().filter(|(_, state)| **state != RowState::Inactive);
+        let rows = active.filter_map(|(number, state)| Some((layout.row(number)?, *state)));
+        for (place, row) in self.rows.iter_mut().zip(rows) {
+            *place = row;
+            self.len += 1;
         }
     }
 }

@@ -129,7 +129,7 @@ impl Form {
                 for row in 0..qp.row_count {
                     coefficients.fill(0.0);
                     qp.rows.coefficients(row, &mut coefficients);
-                    let bounded = rows.layout.row(row);
+                    let Some(bounded) = rows.layout.row(row) else { continue };
                     let acting = match bounded.kind {
                         RowKind::Force => 0..sequence.horizon.force_points()[bounded.instant].step + 1 - delay,
                         RowKind::JointPosition => 0..bounded.instant + 1 - delay,

@@ -27,7 +27,7 @@ fn check<const N: usize, const M: usize>(name: &str, sequence: &Sequence<N, M>) 
         total += outcome.iterations();
         let active = runner.solve(sequence, index, Start::Cold, |_, rows, _, answer, _| {
             let active = answer.working.iter().enumerate().filter(|(_, state)| **state != RowState::Inactive);
-            let kinds: Vec<RowKind> = active.map(|(row, _)| rows.layout.row(row).kind).collect();
+            let kinds: Vec<RowKind> = active.filter_map(|(row, _)| Some(rows.layout.row(row)?.kind)).collect();
             (kinds, rows.layout.rows())
         });
         if active.0.contains(&RowKind::Force) {

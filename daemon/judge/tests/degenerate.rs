@@ -187,12 +187,17 @@ fn more_contradictions_than_variables_end() {
 }
 
 /// The outcome with a limit of iterations, and time up after some questions.
-fn limited(problem: &DenseQp, max_iterations: u32, mut questions: u32) -> QpOutcome {
+fn limited(problem: &DenseQp, max_iterations: u32, questions: u32) -> QpOutcome {
+    limited_from(problem, RowState::Inactive, max_iterations, questions)
+}
+
+/// As [`limited`], with one guess for all rows.
+fn limited_from(problem: &DenseQp, guess: RowState, max_iterations: u32, mut questions: u32) -> QpOutcome {
     let capacity = SolverCapacity { variables: problem.variables, rows: problem.rows.count() };
     let mut solver =
         ActiveSet::new(capacity, max_iterations, vec![0.0; capacity.storage_len()]).expect("a small problem");
     let (mut z, mut multipliers) = (vec![0.0; padded(problem.variables)], vec![0.0; problem.rows.count()]);
-    let mut working = vec![RowState::Inactive; problem.rows.count()];
+    let mut working = vec![guess; problem.rows.count()];
     let mut answer = Answer { z: &mut z, multipliers: &mut multipliers, working: &mut working };
     let mut expired = || {
         questions = questions.saturating_sub(1);
@@ -211,6 +216,14 @@ fn work_is_bounded() {
     assert_eq!(limited(&problem, 7, u32::MAX), QpOutcome::Failed { iterations: 7 });
     assert_eq!(limited(&problem, 8, 1), QpOutcome::Expired { iterations: 0 });
     assert_eq!(limited(&problem, 8, 4), QpOutcome::Expired { iterations: 3 });
+    // A wrong guess: every row has to leave again, and counts.
+    let mut far = towards(&[0.0; 8]);
+    for i in 0..8 {
+        far.push(&std::array::from_fn::<_, 8, _>(|j| f64::from(i == j)), -1.0, 1.0);
+    }
+    assert_eq!(limited_from(&far, RowState::Upper, 8, u32::MAX), QpOutcome::Solved { iterations: 8 });
+    assert_eq!(limited_from(&far, RowState::Upper, 7, u32::MAX), QpOutcome::Failed { iterations: 7 });
+    assert_eq!(limited_from(&far, RowState::Upper, 8, 3), QpOutcome::Expired { iterations: 2 });
     let small = towards(&[1.0]);
     let capacity = SolverCapacity { variables: 200, rows: 1 };
     assert!(ActiveSet::new(capacity, 1, vec![0.0; capacity.storage_len()]).is_none(), "more than MAX_VARIABLES");

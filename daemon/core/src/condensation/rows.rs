@@ -148,10 +148,10 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
         first..first + self.horizon.force_points().len() * self.bounded
     }
 
-    /// Axis of a force row, and its time in s from the sample.
-    pub fn force_row(&self, row: usize) -> (usize, f64) {
-        let row = self.layout.row(row);
-        (row.component, self.horizon.force_points()[row.instant].time)
+    /// Axis of a force row, and its time in s from the sample; `None` of another row.
+    pub fn force_row(&self, row: usize) -> Option<(usize, f64)> {
+        let row = self.layout.row(row).filter(|row| row.kind == RowKind::Force)?;
+        Some((row.component, self.horizon.force_points()[row.instant].time))
     }
 
     /// The slack t in N; 0 of a problem without one.
@@ -291,7 +291,10 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
     }
 
     fn coefficients(&self, row: usize, out: &mut [f64]) -> usize {
-        let Row { kind, component, instant } = self.layout.row(row);
+        let Some(Row { kind, component, instant }) = self.layout.row(row) else {
+            // A row that is not there is zero everywhere.
+            return out.len();
+        };
         let input = || self.prediction.inputs.as_slice().iter().position(|&axis| axis == component);
         // An input that does not act at once has no coefficient in its own step.
         let delay = self.horizon.first_reached();

@@ -15,13 +15,14 @@
 //! - **Nearly singular W**: rows are orthogonalised, not squared, and what depends within 1e-9 never enters W.
 //!
 //! # Work
-//! Set-up: n³/6 multiplications for U and n²/2 for y0. A warm start with w rows: w (n²/2 + 4 w n) at most, and 4 w n for each
-//! row that has to leave again. An iteration: n²/2 for a new row, 4 w n to project it, w n to remove one; a pass over all
-//! rows comes at most once an iteration, with n²/2 and the support of every row.
+//! Set-up: n³/6 multiplications for U and n²/2 for y0; taking up a guess of w rows: w (n²/2 + 4 w n) at most. Then
+//! iterations, each an addition or a removal, those of a wrong guess included; before each the limit is looked at and
+//! `expired` asked. One takes n²/2 multiplications for a new row, 4 w n to project it, 4 w n to remove one and 2 w n to take
+//! the nearest point afresh; a pass over all rows, with n²/2 and what A z takes, comes at most twice an iteration.
 
-use super::factor::Factor;
 use wide::f64x4;
 
+use super::factor::Factor;
 use super::lanes::{LANES, dot, groups, groups_mut, padded, subtract};
 use super::working_set::{Member, NO_MEMBERS, WorkingSet};
 use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState};
@@ -147,7 +148,7 @@ impl Run<'_, '_> {
         }
         self.y0[qp.variables..].fill(0.0);
         self.factor.solve_transposed(self.y0, 0);
-        self.warm_start(answer.working);
+        self.warm_start(answer.working, expired)?;
         // Whether y and λ are those of W to rounding, and not a sum of many steps.
         let mut fresh = true;
         loop {
@@ -158,7 +159,7 @@ impl Run<'_, '_> {
                 if fresh {
                     break;
                 }
-                self.take_nearest();
+                self.take_nearest(expired)?;
                 fresh = true;
                 continue;
             }
@@ -175,7 +176,7 @@ impl Run<'_, '_> {
             }
             fresh = false;
             if !any {
-                self.take_nearest();
+                self.take_nearest(expired)?;
                 fresh = true;
             }
         }
@@ -190,7 +191,7 @@ impl Run<'_, '_> {
     }
 
     /// W from the guess, without the rows that depend on others or do not push: then λ ≥ 0, as the method needs it.
-    fn warm_start(&mut self, guess: &[RowState]) {
+    fn warm_start(&mut self, guess: &[RowState], expired: &mut dyn FnMut() -> bool) -> Result<(), Ended> {
         let mut from = 0;
         // Few rows are guessed of many: the others are passed over quickly.
         while let Some(next) = guess[from..].iter().position(|side| *side != RowState::Inactive) {
@@ -205,11 +206,23 @@ impl Run<'_, '_> {
                 self.working.push(Member::new(row, side, self.bound(row, side)), &projection, self.c, self.d);
             }
         }
-        self.take_nearest();
+        self.take_nearest(expired)
+    }
+
+    /// One more addition or removal, if there are any left and there is time.
+    fn count_iteration(&mut self, expired: &mut dyn FnMut() -> bool) -> Result<(), Ended> {
+        if self.iterations >= self.max_iterations {
+            return Err(Ended::Failed);
+        }
+        if expired() {
+            return Err(Ended::Expired);
+        }
+        self.iterations += 1;
+        Ok(())
     }
 
     /// y and λ from W; members with λ < 0 leave first, the worst one at a time.
-    fn take_nearest(&mut self) {
+    fn take_nearest(&mut self, expired: &mut dyn FnMut() -> bool) -> Result<(), Ended> {
         loop {
             self.working.nearest(self.y0, self.y, self.d);
             let members = &self.working.members[..self.working.len];
@@ -220,7 +233,8 @@ impl Run<'_, '_> {
                     worst = (member.multiplier, Some(index));
                 }
             }
-            let Some(index) = worst.1 else { return };
+            let Some(index) = worst.1 else { return Ok(()) };
+            self.count_iteration(expired)?;
             self.working.remove(index);
         }
     }
@@ -308,19 +322,15 @@ impl Run<'_, '_> {
                 return Ok(member.multiplier > 0.0);
             }
             small_enough = FEASIBLE / weight;
-            if self.iterations >= self.max_iterations || !violation.is_finite() {
+            if !violation.is_finite() {
                 return Err(Ended::Failed);
             }
-            if expired() {
-                return Err(Ended::Expired);
-            }
-            self.iterations += 1;
+            self.count_iteration(expired)?;
             let projection = self.working.project(self.c, self.d, start);
-            let dependent = projection.dependent || self.working.len >= self.qp.variables;
-            let full = if dependent { f64::INFINITY } else { (violation / projection.rest).max(0.0) };
-            // λ of the members falls by step · R⁻¹ d.
             let len = self.working.len;
-            let projected = if dependent { None } else { Some(projection) };
+            let independent = (!projection.dependent && len < self.qp.variables).then_some(projection);
+            let full = independent.map_or(f64::INFINITY, |projection| (violation / projection.rest).max(0.0));
+            // λ of the members falls by step · R⁻¹ d.
             let fall = &mut self.fall[..len];
             fall.copy_from_slice(&self.d[..len]);
             self.working.solve(fall);
@@ -340,10 +350,10 @@ impl Run<'_, '_> {
                 member.multiplier -= step * fall;
             }
             member.multiplier += step;
-            if projected.is_some() {
+            if independent.is_some() {
                 subtract(self.y, -step, self.c);
             }
-            match (blocked_by, projected) {
+            match (blocked_by, independent) {
                 (Some(index), _) => self.working.remove(index),
                 (None, Some(projection)) => {
                     self.working.push(member, &projection, self.c, self.d);

@@ -2,7 +2,7 @@
 
 use wide::f64x4;
 
-use super::lanes::{LANES, dot4, subtract4};
+use super::lanes::{LANES, dot4, groups, groups_mut, subtract4};
 
 /// Groups of columns in a tile: as many as stay in registers.
 const TILE: usize = 3;
@@ -125,7 +125,7 @@ fn tile<const G: usize>(rows: &[f64], stride: usize, first: usize, column: usize
     for (i, row) in tile.iter_mut().enumerate() {
         for (g, group) in row.iter_mut().enumerate() {
             let at = column + g * LANES;
-            let mut values = *rows[i * stride + at..].first_chunk::<LANES>().expect("H has whole groups");
+            let mut values = groups(&rows[i * stride + at..])[0];
             if at + LANES > n {
                 for (j, value) in values.iter_mut().enumerate().filter(|(j, _)| first + i >= n || at + j >= n) {
                     *value = if first + i == at + j { 1.0 } else { 0.0 };
@@ -140,7 +140,7 @@ fn tile<const G: usize>(rows: &[f64], stride: usize, first: usize, column: usize
 #[inline(always)]
 fn put<const G: usize>(block: &mut [f64], stride: usize, column: usize, tile: &Tile<G>) {
     for (i, row) in tile.iter().enumerate() {
-        for (to, from) in block[i * stride + column..].as_chunks_mut::<LANES>().0.iter_mut().zip(row) {
+        for (to, from) in groups_mut(&mut block[i * stride + column..]).iter_mut().zip(row) {
             *to = from.to_array();
         }
     }
@@ -151,10 +151,9 @@ fn put<const G: usize>(block: &mut [f64], stride: usize, column: usize, tile: &T
 fn subtract_above<const G: usize>(tile: &mut Tile<G>, above: &[f64], stride: usize, first: usize, column: usize) {
     let mut sums = *tile;
     for row in above.chunks_exact(stride) {
-        let left: &[f64; LANES] = row[first..first + LANES].first_chunk().expect("four columns");
-        let right: &[[f64; LANES]; G] =
-            row[column..column + G * LANES].as_chunks().0.first_chunk().expect("the columns of a tile");
-        let right = right.map(f64x4::new);
+        let left = groups(&row[first..first + LANES])[0];
+        let right = groups(&row[column..column + G * LANES]);
+        let right: [f64x4; G] = core::array::from_fn(|g| f64x4::new(right[g]));
         for i in 0..LANES {
             let left = f64x4::splat(left[i]);
             for g in 0..G {

@@ -1,6 +1,9 @@
 //! The paper's planar arm (section IV) with the weights (23), and samples of it.
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
+pub(crate) mod problems;
+pub(crate) mod scripted;
+
 use admittance_core::condensation::{Capacity, MAX_ROWS};
 use admittance_core::contact::Thresholds;
 use admittance_core::controller::{Controller, Event};

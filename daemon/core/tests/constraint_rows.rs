@@ -1,0 +1,200 @@
+//! The constraint rows against the simulated trajectory that they bound.
+
+mod common;
+
+use admittance_core::condensation::{MpcRows, condense};
+use admittance_core::constraints::{Row, RowKind};
+use admittance_core::model::Discretization;
+use admittance_core::plan::MAX_STEPS;
+use admittance_core::qp::{LANES, Rows, padded};
+use common::problems::{Numbers, Point, Problem, SLACK_UNIT, Shape, largest, order, shapes, workspace};
+
+/// A quantity that a row bounds, in the row's unit.
+struct Bounded {
+    row: Row,
+    value: f64,
+    lower: f64,
+    upper: f64,
+}
+
+/// Everything that is bounded under the inputs `z`, in the order of time, by simulation; in the order of the rows.
+fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D>, z: &[f64]) -> Vec<Bounded> {
+    let (p, steps) = (&problem.prediction, &shape.steps);
+    let (c, h) = (&p.constraints, steps.len());
+    let (speed, position) = (c.joint_speed.expect("all kinds"), c.joint_position.expect("all kinds"));
+    let (offset, rate) = (c.offset.expect("all kinds"), c.rate.expect("all kinds"));
+    let (velocity_constant, estimate) = shape.time_constants();
+    let states = problem.trajectory(z);
+    let mut all = Vec::new();
+    let mut push = |kind, component, instant, value, lower, upper| {
+        all.push(Bounded { row: Row { kind, component, instant }, value, lower, upper });
+    };
+    for k in 0..h {
+        let value = problem.reference(z, k);
+        (0..N).for_each(|i| push(RowKind::JointSpeed, i, k, value[i], speed.lower[i], speed.upper[i]));
+    }
+    for k in 0..h {
+        for &axis in p.inputs.as_slice() {
+            push(RowKind::Offset, axis, k, problem.input(z, k)[axis], offset.lower[axis], offset.upper[axis]);
+        }
+    }
+    for k in 0..h {
+        let (before, since) =
+            if k == 0 { (p.previous_input, steps[0]) } else { (problem.input(z, k - 1), steps[k - 1]) };
+        for &axis in p.inputs.as_slice() {
+            let value = problem.input(z, k)[axis] - before[axis];
+            push(RowKind::Rate, axis, k, value, rate.lower[axis] * since, rate.upper[axis] * since);
+        }
+    }
+    // Euler: no input moves a joint before the end of the second step.
+    for k in 1..h {
+        let value = states[k + 1].joint_position;
+        (0..N).for_each(|i| push(RowKind::JointPosition, i, k, value[i], position.lower[i], position.upper[i]));
+    }
+    let slack = p.slack_price.map(|_| *z.last().expect("the slack is a variable"));
+    for (instant, &Point { step: k, part, .. }) in shape.force_points().iter().enumerate() {
+        let to_here = Discretization::Euler.step(part * steps[k], &velocity_constant, &estimate);
+        let there = problem.model.advance(&to_here, &states[k], &problem.reference(z, k));
+        let force = problem.model.linear_wrench(&there.joint_position);
+        for bound in c.force.as_slice() {
+            // What is softened are the upper bounds.
+            let lower = if slack.is_some() { f64::NEG_INFINITY } else { bound.minimum };
+            let value = bound.sign * force[bound.axis] - SLACK_UNIT * slack.unwrap_or(0.0);
+            push(RowKind::Force, bound.axis, instant, value, lower, bound.maximum);
+        }
+    }
+    if let Some(slack) = slack {
+        push(RowKind::Slack, 0, 0, slack, 0.0, f64::INFINITY);
+    }
+    all
+}
+
+/// Rounding of a row's value. The force is a difference of terms of 1e4 N/rad times radians.
+fn rounding(row: &Row) -> f64 {
+    if row.kind == RowKind::Force { 1e-9 } else { 1e-13 }
+}
+
+/// The rows of an arbitrary problem, of every kind at once, against [`bounded`].
+fn check_rows<const N: usize, const D: usize, const M: usize>(shape: &Shape, numbers: &mut Numbers) {
+    let problem = shape.problem::<N, D>(numbers);
+    let what = format!("{N} joints, {shape:?}");
+    let rows = MpcRows::<N, D, M>::new(&problem.model, &problem.horizon, &problem.prediction).expect("M inputs");
+    let mut workspace = workspace(&problem.horizon, problem.prediction.weights);
+    let mut pieces = workspace.pieces(&rows).expect("within capacity");
+    condense(&rows, &mut pieces);
+    let (qp, _, _) = pieces.split(&rows);
+    let (n, count, stride) = (qp.variables, qp.row_count, qp.stride);
+
+    let mut z = vec![0.0; stride];
+    z[..n].iter_mut().for_each(|z| *z = numbers.next());
+    let in_time: Vec<f64> = order(&rows, shape.steps.len()).iter().map(|&at| z[at]).collect();
+    let (all, free) = (bounded(shape, &problem, &in_time), bounded(shape, &problem, &vec![0.0; n]));
+    assert_eq!((count, rows.layout.rows()), (all.len(), all.len()), "{what}");
+    let values_of = |z: &[f64]| {
+        let mut values = vec![f64::NAN; padded(count)];
+        rows.values(z, &mut values);
+        values
+    };
+    let values = values_of(&z);
+    // A by columns.
+    let columns: Vec<Vec<f64>> = (0..n)
+        .map(|column| {
+            let mut unit = vec![0.0; stride];
+            unit[column] = 1.0;
+            values_of(&unit)
+        })
+        .collect();
+    let (multipliers, before) = (numbers_of(count, numbers), numbers_of(stride, numbers));
+    let mut transposed = before.clone();
+    for (number, (with_inputs, without)) in all.iter().zip(&free).enumerate() {
+        let Bounded { row, value: quantity, lower, upper } = with_inputs;
+        let (what, rounding) = (format!("row {number}, {row:?}; {what}"), rounding(row));
+        assert_eq!(rows.layout.row(number), Some(*row), "{what}");
+
+        let (value, expected) = (values[number], quantity - without.value);
+        assert!((value - expected).abs() <= rounding, "A z = {value}, not {expected}: {what}");
+
+        for (found, bound) in [(qp.lower[number], *lower), (qp.upper[number], *upper)] {
+            let (slack, expected) = (found - value, bound - quantity);
+            assert!(
+                slack == expected || (slack - expected).abs() <= rounding,
+                "{slack} to the bound {bound}, not {expected}: {what}"
+            );
+        }
+        let large = [*lower, *upper].into_iter().filter(|bound| bound.is_finite()).map(f64::abs).fold(0.0, f64::max);
+        let weight = if large > 0.0 { 1.0 / large } else { 1.0 };
+        assert!((qp.weight[number] / weight - 1.0).abs() <= 1e-12, "weight {}: {what}", qp.weight[number]);
+
+        let mut coefficients = vec![f64::NAN; stride];
+        let first = rows.coefficients(number, &mut coefficients);
+        assert!(first % LANES == 0 && coefficients[..first].iter().all(|a| a.is_nan()), "from {first}: {what}");
+        assert!(columns[..first].iter().all(|column| column[number] == 0.0), "zero before {first}: {what}");
+        assert!(coefficients[n..].iter().all(|a| *a == 0.0), "zero beyond {n}: {what}");
+        coefficients[..first].fill(0.0);
+        let size = largest(&coefficients);
+        for (column, (found, expected)) in coefficients.iter().zip(&columns).enumerate() {
+            let expected = expected[number];
+            assert!((found - expected).abs() <= 1e-13 * size, "A[.., {column}] = {found}, not {expected}: {what}");
+        }
+        let sum: f64 = coefficients.iter().zip(&z).map(|(a, z)| a * z).sum();
+        assert!((sum - value).abs() <= 1e-12 * size, "{sum}, not {value}: {what}");
+        transposed.iter_mut().zip(&coefficients).for_each(|(sum, a)| *sum += multipliers[number] * a);
+    }
+    let beyond = |bounds: &[f64], missing: f64| bounds[count..].iter().all(|bound| *bound == missing);
+    assert!(beyond(qp.lower, f64::NEG_INFINITY) && beyond(qp.upper, f64::INFINITY), "bounds beyond the rows: {what}");
+    assert!([qp.lower, qp.upper, qp.weight].iter().all(|bounds| bounds.len() == padded(count)), "{what}");
+
+    let mut found = before;
+    rows.add_transposed(&multipliers, &mut found);
+    let size = largest(&transposed);
+    for (column, (found, expected)) in found.iter().zip(&transposed).enumerate() {
+        assert!((found - expected).abs() <= 1e-12 * size, "(Aᵀ y)[{column}] = {found}, not {expected}: {what}");
+    }
+
+    // What else there is by row number.
+    let forces: Vec<usize> = (0..count).filter(|&number| all[number].row.kind == RowKind::Force).collect();
+    assert!(forces.iter().copied().eq(rows.force_rows()), "{:?}, not {forces:?}: {what}", rows.force_rows());
+    let points = shape.force_points();
+    for number in forces {
+        let (axis, time) = rows.force_row(number).expect("a force row");
+        let Row { component, instant, .. } = all[number].row;
+        let expected = points[instant].time;
+        assert!(axis == component && (time - expected).abs() <= 1e-15, "axis {axis} at {time} s: {what}");
+    }
+    assert_eq!((rows.layout.row(count), rows.force_row(count)), (None, None), "{what}");
+    let slack = if shape.slack_price.is_some() { SLACK_UNIT * z[n - 1] } else { 0.0 };
+    assert_eq!(rows.slack(&z).to_bits(), slack.to_bits(), "{what}");
+}
+
+fn numbers_of(count: usize, numbers: &mut Numbers) -> Vec<f64> {
+    (0..count).map(|_| numbers.next()).collect()
+}
+
+#[test]
+fn rows_are_those_of_the_simulated_trajectory() {
+    let mut numbers = Numbers(2);
+    for shape in shapes() {
+        match shape.inputs {
+            1 => {
+                check_rows::<2, 2, 1>(&shape, &mut numbers);
+                check_rows::<6, 6, 1>(&shape, &mut numbers);
+            }
+            2 => check_rows::<2, 2, 2>(&shape, &mut numbers),
+            3 => check_rows::<6, 6, 3>(&shape, &mut numbers),
+            6 => {
+                check_rows::<6, 6, 6>(&shape, &mut numbers);
+                check_rows::<7, 6, 6>(&shape, &mut numbers);
+            }
+            _ => {}
+        }
+    }
+    let longest = Shape {
+        steps: vec![0.004; MAX_STEPS],
+        inputs: 6,
+        by_task: false,
+        estimate: [0.020, 0.030],
+        slack_price: Some(30.0),
+        partial: false,
+    };
+    check_rows::<6, 6, 6>(&longest, &mut numbers);
+}
