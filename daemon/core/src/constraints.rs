@@ -4,6 +4,8 @@
 //! Rows stand section by section in the order of [`RowKind`], in a section instant by instant, at one instant by axis or
 //! joint.
 
+use core::ops::Range;
+
 use nalgebra::SVector;
 
 use crate::condensation::InputAxes;
@@ -177,6 +179,12 @@ impl Layout {
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.rows
+    }
+
+    /// The rows of one kind.
+    pub(crate) fn rows_of(&self, kind: RowKind) -> Range<usize> {
+        let section = &self.sections[kind as usize];
+        section.offset..section.offset + section.len * section.instants
     }
 
     /// Row of the first component of `kind` at `instant`; `None` where it has no rows.

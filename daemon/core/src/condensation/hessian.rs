@@ -4,9 +4,13 @@
 //! joint-space cost of (23a) adds V_ia V_ib times a scalar of the two steps, V = J⁻¹. Over even steps
 //! P(r, s) = P(r − 1, s − 1) + what the longest response adds, in reversed time: one product per entry and output. Over uneven
 //! ones the outputs are added step by step.
+//!
+//! Responses stand in panels: columns are inputs, in groups of [`LANES`], and of each group one output after the other. What
+//! stands left of the diagonal or beyond the variables is never used; there, panels and H hold anything.
 
 use wide::f64x4;
 
+use super::joints::array;
 use super::responses::Responses;
 use super::rows::MpcRows;
 use super::{SLACK_CURVATURE, SLACK_UNIT};
@@ -14,41 +18,309 @@ use crate::cost::Weights;
 use crate::model::Step;
 use crate::qp::LANES;
 
-/// Wrench estimates with TCP velocities and positions; or wrench estimates and joints.
-const MAX_OUTPUTS: usize = 18;
-const _: () = assert!(MAX_OUTPUTS >= 3 * 6 && MAX_OUTPUTS >= 6 + 8);
+/// Some columns of one row.
+type Group = [f64; LANES];
 
-/// Rows of the panel: outputs or joints, and f_lin behind [`MAX_OUTPUTS`].
-pub(super) const fn panel_rows<const D: usize>() -> usize {
-    MAX_OUTPUTS + D
+/// Most groups of columns.
+const MAX_GROUPS: usize = crate::qp::MAX_VARIABLES.div_ceil(LANES);
+
+/// Rows of all panels together: wrench estimates and f_lin, then joints, or TCP velocities and positions.
+pub(super) const fn panel_rows<const N: usize, const D: usize>() -> usize {
+    2 * D + if N > 2 * D { N } else { 2 * D }
 }
 
-/// The panel: responses of outputs to all inputs, one output a row, and what turns them into H.
-struct Panel<'a> {
+/// A panel of K outputs at the start of `storage`, and what is left of that.
+fn panel<const K: usize>(storage: &mut [f64], groups: usize) -> (&mut [[Group; K]], &mut [f64]) {
+    let (panel, rest) = storage.split_at_mut(groups * K * LANES);
+    (panel.as_chunks_mut().0.as_chunks_mut().0, rest)
+}
+
+/// The outputs' entries in a column.
+#[inline(always)]
+fn entries<const K: usize>(panel: &[[Group; K]], column: usize) -> [f64; K] {
+    let group = &panel[column / LANES];
+    core::array::from_fn(|output| group[output][column % LANES])
+}
+
+#[inline(always)]
+fn put<const K: usize>(panel: &mut [[Group; K]], column: usize, entries: &[f64; K]) {
+    let group = &mut panel[column / LANES];
+    for output in 0..K {
+        group[output][column % LANES] = entries[output];
+    }
+}
+
+#[inline(always)]
+fn product<const K: usize>(a: &[f64; K], b: &[f64; K]) -> [f64; K] {
+    core::array::from_fn(|k| a[k] * b[k])
+}
+
+/// What is added to a row of H, from its first group on: factors times the rows of a panel.
+struct Terms<'a, const K: usize> {
+    factors: [f64; K],
+    panel: &'a [[Group; K]],
+}
+
+const NOTHING: Terms<'static, 0> = Terms { factors: [], panel: &[[]; MAX_GROUPS] };
+
+impl<'a, const K: usize> Terms<'a, K> {
+    #[inline(always)]
+    fn new(panel: &'a [[Group; K]], index: usize, factors: [f64; K]) -> Self {
+        Self { factors, panel: &panel[index / LANES..] }
+    }
+
+    /// Σ_o w_o s_o s_oᵀ, of row `index`.
+    #[inline(always)]
+    fn squared(panel: &'a [[Group; K]], index: usize, weight: &[f64; K]) -> Self {
+        Self::new(panel, index, product(weight, &entries(panel, index)))
+    }
+}
+
+/// row ← what is shifted into it, or itself, plus the terms.
+#[inline(always)]
+fn add<const A: usize, const B: usize>(
+    row: &mut [Group],
+    shifted: Option<&[Group]>,
+    left: &Terms<'_, A>,
+    right: &Terms<'_, B>,
+) {
+    let (by_left, by_right) = (left.factors.map(f64x4::splat), right.factors.map(f64x4::splat));
+    let sum = |start: Group, left: &[Group; A], right: &[Group; B]| {
+        let mut total = f64x4::new(start);
+        for t in 0..A {
+            total = by_left[t].mul_add(f64x4::new(left[t]), total);
+        }
+        for t in 0..B {
+            total = by_right[t].mul_add(f64x4::new(right[t]), total);
+        }
+        total.to_array()
+    };
+    let terms = left.panel.iter().zip(right.panel);
+    match shifted {
+        Some(shifted) => {
+            for ((value, shifted), (left, right)) in row.iter_mut().zip(shifted).zip(terms) {
+                *value = sum(*shifted, left, right);
+            }
+        }
+        None => {
+            for (value, (left, right)) in row.iter_mut().zip(terms) {
+                *value = sum(*value, left, right);
+            }
+        }
+    }
+}
+
+/// H while it is written.
+struct Triangle<'a> {
     values: &'a mut [f64],
     stride: usize,
-    /// Weights of the rows that are outputs.
-    weights: [f64; MAX_OUTPUTS],
-    /// Rows that are outputs.
-    outputs: usize,
+    is_even: bool,
 }
 
-impl Panel<'_> {
-    fn row(&mut self, index: usize) -> &mut [f64] {
-        &mut self.values[index * self.stride..(index + 1) * self.stride]
+impl Triangle<'_> {
+    /// Row `index` from the group of its diagonal on.
+    #[inline(always)]
+    fn row(&mut self, index: usize) -> &mut [Group] {
+        let first = index / LANES * LANES;
+        self.values[index * self.stride + first..(index + 1) * self.stride].as_chunks_mut().0
     }
 
-    /// The outputs' entries in a column, times their weights.
-    fn weighted(&self, column: usize) -> [f64; MAX_OUTPUTS] {
-        let mut factors = [0.0; MAX_OUTPUTS];
-        for output in 0..self.outputs.min(MAX_OUTPUTS) {
-            factors[output] = self.weights[output] * self.values[output * self.stride + column];
+    /// Row `index`, and what is to be shifted into it, M variables to the right and down; where that is nothing, the row
+    /// starts as it should.
+    #[inline(always)]
+    fn start_row<const M: usize>(&mut self, index: usize) -> (&mut [Group], Option<&[Group]>) {
+        let (first, stride) = (index / LANES * LANES, self.stride);
+        if index < M || !self.is_even {
+            let row = self.row(index);
+            row.fill([0.0; LANES]);
+            return (row, None);
         }
-        factors
+        let (above, here) = self.values.split_at_mut(index * stride);
+        let row = here[first..stride].as_chunks_mut().0;
+        let before = (index - M) * stride + first;
+        if before < M {
+            // What would be shifted begins before H does: left of the diagonal, where nothing is needed.
+            let skipped = M - before;
+            row.as_flattened_mut()[skipped..].copy_from_slice(&above[..stride - first - skipped]);
+            return (row, None);
+        }
+        (row, Some(above[before - M..before - M + stride - first].as_chunks().0))
     }
 }
 
-/// Writes the upper triangle; what is left of the diagonal or beyond the variables in a row is not defined.
+/// The responses of K outputs of the joints, with one input a column: Σ_joint of a joint's response times these.
+struct Spread<const N: usize, const K: usize, const M: usize>([[[f64; M]; K]; N]);
+
+impl<const N: usize, const K: usize, const M: usize> Spread<N, K, M> {
+    /// For outputs with the given gradients over the joints.
+    #[inline(always)]
+    fn new<const D: usize>(rows: &MpcRows<'_, N, D, M>, gradient: impl Fn(usize, usize) -> f64) -> Self {
+        Self(core::array::from_fn(|joint| {
+            core::array::from_fn(|output| rows.by_joint[joint].map(|column| gradient(output, joint) * column))
+        }))
+    }
+
+    /// The outputs, by output and input axis, where each joint has responded like this.
+    #[inline(always)]
+    fn of(&self, responses: &[f64; N]) -> [[f64; M]; K] {
+        let mut sums = [[0.0; M]; K];
+        for joint in 0..N {
+            for (sum, by_joint) in sums.as_flattened_mut().iter_mut().zip(self.0[joint].as_flattened()) {
+                *sum += responses[joint] * by_joint;
+            }
+        }
+        sums
+    }
+}
+
+/// Wrench estimates and f_lin.
+struct WrenchOutputs<'a, const N: usize, const M: usize> {
+    axes: &'a [usize],
+    /// Of unused outputs zero, as their responses are.
+    weight: [f64; M],
+    spread: Spread<N, M, M>,
+    estimates: &'a mut [[Group; M]],
+    linear: &'a mut [[Group; M]],
+}
+
+impl<'a, const N: usize, const M: usize> WrenchOutputs<'a, N, M> {
+    #[inline(always)]
+    fn new<const D: usize>(
+        rows: &MpcRows<'a, N, D, M>,
+        estimates: &'a mut [[Group; M]],
+        linear: &'a mut [[Group; M]],
+    ) -> Self {
+        let prediction = rows.prediction;
+        let (Weights::Joint { wrench, .. } | Weights::Task { wrench, .. }) = prediction.weights;
+        let axes = prediction.wrench_axes.as_slice();
+        let gradients = &rows.model.wrench_gradient.data.0;
+        let gradient = |output: usize, joint: usize| axes.get(output).map_or(0.0, |&axis| gradients[axis][joint]);
+        let weight = core::array::from_fn(|output| axes.get(output).map_or(0.0, |&axis| wrench[axis]));
+        Self { axes, weight, spread: Spread::new(rows, gradient), estimates, linear }
+    }
+
+    /// e, g, h of a step, by output.
+    #[inline(always)]
+    fn filter<const D: usize>(&self, step: &Step<N, D>) -> [[f64; M]; 3] {
+        [&step.wrench_decay, &step.wrench_by_start, &step.wrench_by_end]
+            .map(|by_axis| core::array::from_fn(|output| self.axes.get(output).map_or(0.0, |&axis| by_axis[axis])))
+    }
+
+    /// The estimates at the end of the last of even steps. The response at one lag follows from that at the lag before, one
+    /// column of inputs earlier.
+    #[inline(always)]
+    fn write_by_lag<const D: usize>(&mut self, positions: &[[f64; N]], step: &Step<N, D>) {
+        let [e, g, h] = self.filter(step);
+        let (mut before, mut linear_before) = ([[0.0; M]; M], [[0.0; M]; M]);
+        for (reversed, position) in positions.iter().enumerate() {
+            let linear = self.spread.of(position);
+            for output in 0..M {
+                for a in 0..M {
+                    before[output][a] = e[output] * before[output][a]
+                        + g[output] * linear_before[output][a]
+                        + h[output] * linear[output][a];
+                }
+            }
+            linear_before = linear;
+            for a in 0..M {
+                put(self.estimates, reversed * M + a, &core::array::from_fn(|output| before[output][a]));
+            }
+        }
+    }
+
+    /// From the end of step k − 1 to that of step k, before which no input of the first `first` columns of steps acts.
+    #[inline(always)]
+    fn advance<const D: usize>(&mut self, positions: &[[f64; N]], first: usize, step: &Step<N, D>) {
+        let [e, g, h] = self.filter(step);
+        for (estimates, linear) in self.estimates.iter_mut().zip(&*self.linear) {
+            for output in 0..M {
+                for lane in 0..LANES {
+                    estimates[output][lane] = e[output] * estimates[output][lane] + g[output] * linear[output][lane];
+                }
+            }
+        }
+        for (reversed, position) in positions.iter().enumerate().skip(first) {
+            let linear = self.spread.of(position);
+            for a in 0..M {
+                put(self.linear, reversed * M + a, &core::array::from_fn(|output| linear[output][a]));
+            }
+        }
+        for (estimates, linear) in self.estimates.iter_mut().zip(&*self.linear) {
+            for output in 0..M {
+                for lane in 0..LANES {
+                    estimates[output][lane] += h[output] * linear[output][lane];
+                }
+            }
+        }
+    }
+
+    /// Before the first step.
+    fn reset(&mut self) {
+        self.estimates.fill([[0.0; LANES]; M]);
+        self.linear.fill([[0.0; LANES]; M]);
+    }
+
+    #[inline(always)]
+    fn terms(&self, index: usize) -> Terms<'_, M> {
+        Terms::squared(self.estimates, index, &self.weight)
+    }
+}
+
+/// TCP velocities and positions, with task weights.
+struct TcpOutputs<'a, const N: usize, const D: usize, const M: usize> {
+    spread: Spread<N, D, M>,
+    velocity_weight: &'a [f64; D],
+    position_weight: &'a [f64; D],
+    has_position: bool,
+    velocities: &'a mut [[Group; D]],
+    positions: &'a mut [[Group; D]],
+}
+
+impl<const N: usize, const D: usize, const M: usize> TcpOutputs<'_, N, D, M> {
+    /// At the end of step `step`, which inputs from the column of steps `first` on reach.
+    #[inline(always)]
+    fn write(&mut self, responses: &Responses<'_, N>, step: usize, first: usize) {
+        let write_one = |panel: &mut [[Group; D]], by_joint: &[[f64; N]]| {
+            for (reversed, responses) in by_joint.iter().enumerate().skip(first) {
+                let outputs = self.spread.of(responses);
+                for a in 0..M {
+                    put(panel, reversed * M + a, &core::array::from_fn(|output| outputs[output][a]));
+                }
+            }
+        };
+        write_one(self.velocities, responses.velocity(step));
+        if self.has_position {
+            write_one(self.positions, responses.position(step));
+        }
+    }
+
+    /// Adds these outputs and the wrench estimates to a row.
+    #[inline(always)]
+    fn add_to(&self, row: &mut [Group], shifted: Option<&[Group]>, wrench: &WrenchOutputs<'_, N, M>, index: usize) {
+        add(row, shifted, &wrench.terms(index), &Terms::squared(self.velocities, index, self.velocity_weight));
+        if self.has_position {
+            add(row, None, &Terms::squared(self.positions, index, self.position_weight), &NOTHING);
+        }
+    }
+}
+
+/// A panel row for each joint: its joint-space cost of column `r` of steps with every later one, times V.
+#[inline(always)]
+fn write_joints<const N: usize, const D: usize, const M: usize>(
+    rows: &MpcRows<'_, N, D, M>,
+    costs: &[[Group; N]],
+    r: usize,
+    panel: &mut [[Group; N]],
+) {
+    for s in r..rows.horizon.steps().len() {
+        let cost = entries(costs, s);
+        for b in 0..M {
+            put(panel, s * M + b, &product(&cost, &rows.columns[b]));
+        }
+    }
+}
+
+/// Writes the upper triangle.
 // Apart from its neighbours: in one function they would share too few registers.
 #[inline(never)]
 pub(super) fn write<const N: usize, const D: usize, const M: usize>(
@@ -56,256 +328,96 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
     rows: &MpcRows<'_, N, D, M>,
     hessian: &mut [f64],
     stride: usize,
-    panel: &mut [f64],
+    scratch: &mut [f64],
 ) {
     let (horizon, prediction) = (rows.horizon, rows.prediction);
-    let (h, n) = (horizon.steps().len(), M * horizon.steps().len());
-    let mut panel = Panel { values: panel, stride, weights: [0.0; MAX_OUTPUTS], outputs: 0 };
-    let by_joint = matches!(prediction.weights, Weights::Joint { .. });
-    if horizon.is_even() {
-        write_outputs(responses, rows, h - 1, &mut panel);
-        filter_by_lag(rows, &horizon.steps()[h - 1], &mut panel, n);
+    let (steps, is_even) = (horizon.steps(), horizon.is_even());
+    let (last, n, groups) = (steps.len() - 1, M * steps.len(), stride / LANES);
+    let (estimates, rest) = panel(scratch, groups);
+    let (linear, rest) = panel(rest, groups);
+    let mut wrench = WrenchOutputs::new(rows, estimates, linear);
+    if is_even {
+        wrench.write_by_lag(responses.position(last), &steps[last]);
+    } else {
+        wrench.reset();
     }
-    // What stands beyond the inputs is added too; it must be finite, and is taken out again.
-    for row in panel.values.chunks_exact_mut(stride).take(panel.outputs + N) {
-        row[n..].fill(0.0);
-    }
-    for r in 0..h {
-        let (first, start) = (r * M, r * M / LANES * LANES);
-        if by_joint && M > 1 {
-            write_joints(responses, rows, r, &mut panel);
-        }
-        for a in 0..M {
-            let index = first + a;
-            let (above, here) = hessian.split_at_mut(index * stride);
-            let row = &mut here[start..stride];
-            let before = (horizon.is_even() && start >= M).then(|| (index - M) * stride + start - M);
-            if before.is_none() {
-                row.fill(0.0);
-                if horizon.is_even() && r > 0 {
-                    // The second step of few inputs: what is shifted begins within a group.
-                    let before = (index - M) * stride + first - M;
-                    row[first - start..].copy_from_slice(&above[before..before + stride - first]);
+    let mut triangle = Triangle { values: hessian, stride, is_even };
+    match prediction.weights {
+        Weights::Joint { .. } => {
+            let (joints, _) = panel(rest, groups);
+            for r in 0..=last {
+                let costs = responses.cost(r);
+                if M > 1 {
+                    write_joints(rows, costs, r, joints);
+                }
+                for a in 0..M {
+                    let (index, column) = (r * M + a, &rows.columns[a]);
+                    // With one input a step the products V V are factors of the costs themselves.
+                    let cost = if M > 1 {
+                        Terms::new(joints, index, *column)
+                    } else {
+                        Terms::new(costs, index, product(column, column))
+                    };
+                    let (row, shifted) = triangle.start_row::<M>(index);
+                    if is_even {
+                        add(row, shifted, &wrench.terms(index), &cost);
+                    } else {
+                        add(row, shifted, &NOTHING, &cost);
+                    }
                 }
             }
-            let shifted = before.map(|before| &above[before..before + stride - start]);
-            let mut factors = panel.weighted(index);
-            let outputs = if horizon.is_even() { panel.outputs } else { 0 };
-            let skipped = panel.outputs - outputs;
-            if by_joint && M == 1 {
-                // With one input a step the products V V are factors of the tables' own rows.
-                let (cost, cost_stride) = responses.cost(r);
-                add(row, shifted, &rows.columns[a].map(|v| v * v), &cost[start..], cost_stride);
-                add_outputs(row, None, &factors[..outputs], &panel.values[start..], stride);
-            } else {
-                let mut terms = outputs;
-                if by_joint {
-                    factors[outputs..outputs + N].copy_from_slice(&rows.columns[a]);
-                    terms += N;
+            for (k, step) in steps.iter().enumerate().filter(|_| !is_even) {
+                wrench.advance(responses.position(k), last - k, step);
+                for index in (last - k) * M..n {
+                    add(triangle.row(index), None, &wrench.terms(index), &NOTHING);
                 }
-                add_outputs(row, shifted, &factors[..terms], &panel.values[skipped * stride + start..], stride);
             }
-            if prediction.slack_price.is_some() {
-                here[n..stride].fill(0.0);
+        }
+        Weights::Task { position, velocity, .. } => {
+            let (velocities, rest) = panel(rest, groups);
+            let (positions, _) = panel(rest, groups);
+            let mut tcp = TcpOutputs {
+                spread: Spread::new(rows, |axis, joint| prediction.jacobian[(axis, joint)]),
+                velocity_weight: array(velocity),
+                position_weight: array(position),
+                has_position: position.iter().any(|weight| *weight != 0.0),
+                velocities,
+                positions,
+            };
+            if is_even {
+                tcp.write(responses, last, 0);
             }
-            if r == 0 || !horizon.is_even() {
-                here[index] += prediction.input_weight[prediction.inputs.as_slice()[a]];
+            for index in 0..n {
+                let (row, shifted) = triangle.start_row::<M>(index);
+                if is_even {
+                    tcp.add_to(row, shifted, &wrench, index);
+                }
+            }
+            for (k, step) in steps.iter().enumerate().filter(|_| !is_even) {
+                wrench.advance(responses.position(k), last - k, step);
+                tcp.write(responses, k, last - k);
+                for index in (last - k) * M..n {
+                    tcp.add_to(triangle.row(index), None, &wrench, index);
+                }
             }
         }
     }
-    if !horizon.is_even() {
-        add_step_by_step(responses, rows, hessian, &mut panel, n);
-    }
-    if let Some(price) = prediction.slack_price {
-        hessian[n * stride + n] = price * SLACK_UNIT * SLACK_CURVATURE;
-    }
+    finish(rows, triangle.values, stride);
 }
 
-/// As [`add`], for any number of outputs.
-fn add_outputs(row: &mut [f64], shifted: Option<&[f64]>, factors: &[f64], panel: &[f64], stride: usize) {
-    let (mut shifted, mut panel, mut factors) = (shifted, panel, factors);
-    // More than six terms at a time run out of registers.
-    while let Some((six, others)) = factors.split_first_chunk::<6>() {
-        add(row, shifted.take(), six, panel, stride);
-        (panel, factors) = (&panel[6 * stride..], others);
-    }
-    match *factors {
-        [a] => add(row, shifted, &[a], panel, stride),
-        [a, b] => add(row, shifted, &[a, b], panel, stride),
-        [a, b, c] => add(row, shifted, &[a, b, c], panel, stride),
-        [a, b, c, d] => add(row, shifted, &[a, b, c, d], panel, stride),
-        [a, b, c, d, e] => add(row, shifted, &[a, b, c, d, e], panel, stride),
-        _ if shifted.is_some() => add(row, shifted, &[], panel, stride),
-        _ => {}
-    }
-}
-
-/// row ← what is shifted into it, or itself, plus Σ factors_i · panel row i; in whole groups.
-#[inline(always)]
-fn add<const T: usize>(row: &mut [f64], shifted: Option<&[f64]>, factors: &[f64; T], panel: &[f64], stride: usize) {
-    let row = row.as_chunks_mut::<LANES>().0;
-    let terms: [&[[f64; LANES]]; T] =
-        core::array::from_fn(|t| &panel[t * stride..].as_chunks::<LANES>().0[..row.len()]);
-    let factors = factors.map(f64x4::splat);
-    let sum = |start: [f64; LANES], group: usize| {
-        let mut total = f64x4::new(start);
-        for t in 0..T {
-            total = factors[t].mul_add(f64x4::new(terms[t][group]), total);
-        }
-        total.to_array()
-    };
-    match shifted {
-        Some(shifted) => {
-            let shifted = &shifted.as_chunks::<LANES>().0[..row.len()];
-            for (group, value) in row.iter_mut().enumerate() {
-                *value = sum(shifted[group], group);
-            }
-        }
-        None => {
-            for (group, value) in row.iter_mut().enumerate() {
-                *value = sum(*value, group);
-            }
-        }
-    }
-}
-
-/// The outputs at the end of step `step`, into the first rows of the panel, and f_lin behind [`MAX_OUTPUTS`]. Wrench
-/// estimates are left as they are: they follow f_lin, see [`filter_by_lag`] and [`add_step_by_step`].
-fn write_outputs<const N: usize, const D: usize, const M: usize>(
-    responses: &Responses<'_, N>,
-    rows: &MpcRows<'_, N, D, M>,
-    step: usize,
-    panel: &mut Panel<'_>,
-) {
-    let prediction = rows.prediction;
-    let (Weights::Joint { wrench, .. } | Weights::Task { wrench, .. }) = prediction.weights;
-    let by_position = |joint| responses.position(step, joint);
-    let by_velocity = |joint| responses.velocity(step, joint);
-    let mut outputs = 0;
-    for &axis in prediction.wrench_axes.as_slice() {
-        panel.weights[outputs] = wrench[axis];
-        let gradient = &rows.model.wrench_gradient.data.0[axis];
-        spread(rows, step, by_position, gradient, panel.row(MAX_OUTPUTS + outputs));
-        outputs += 1;
-    }
-    if let Weights::Task { position, velocity, .. } = prediction.weights {
-        for axis in 0..D {
-            let gradient = core::array::from_fn(|joint| prediction.jacobian[(axis, joint)]);
-            if velocity[axis] != 0.0 {
-                panel.weights[outputs] = velocity[axis];
-                spread(rows, step, by_velocity, &gradient, panel.row(outputs));
-                outputs += 1;
-            }
-            if position[axis] != 0.0 {
-                panel.weights[outputs] = position[axis];
-                spread(rows, step, by_position, &gradient, panel.row(outputs));
-                outputs += 1;
-            }
-        }
-    }
-    panel.outputs = outputs;
-}
-
-/// The response of one output with the given gradient over the joints to every input up to step `step`.
-#[inline(always)]
-fn spread<'t, const N: usize, const D: usize, const M: usize>(
-    rows: &MpcRows<'_, N, D, M>,
-    step: usize,
-    table: impl Fn(usize) -> &'t [f64],
-    gradient: &[f64; N],
-    row: &mut [f64],
-) {
-    let h = rows.horizon.steps().len();
-    let first = h - 1 - step;
-    let factors: [[f64; M]; N] =
-        core::array::from_fn(|joint| rows.by_joint[joint].map(|column| gradient[joint] * column));
-    let tables: [&[f64]; N] = core::array::from_fn(|joint| &table(joint)[first..h]);
-    for (reversed, values) in row[first * M..h * M].as_chunks_mut::<M>().0.iter_mut().enumerate() {
-        let mut sums = [0.0; M];
-        for joint in 0..N {
-            let response = tables[joint][reversed];
-            for a in 0..M {
-                sums[a] += factors[joint][a] * response;
-            }
-        }
-        *values = sums;
-    }
-}
-
-/// Over even steps the response at one lag follows from that at the lag before: one column of inputs earlier.
-fn filter_by_lag<const N: usize, const D: usize, const M: usize>(
-    rows: &MpcRows<'_, N, D, M>,
-    step: &Step<N, D>,
-    panel: &mut Panel<'_>,
-    n: usize,
-) {
-    let stride = panel.stride;
-    let (estimates, linear) = panel.values.split_at_mut(MAX_OUTPUTS * stride);
-    for (index, &axis) in rows.prediction.wrench_axes.as_slice().iter().enumerate() {
-        let (e, g, h) = (step.wrench_decay[axis], step.wrench_by_start[axis], step.wrench_by_end[axis]);
-        let (mut before, mut linear_before) = ([0.0; M], [0.0; M]);
-        let columns = estimates[index * stride..index * stride + n].as_chunks_mut::<M>().0.iter_mut();
-        for (estimate, linear) in columns.zip(linear[index * stride..].as_chunks::<M>().0) {
-            for a in 0..M {
-                estimate[a] = e * before[a] + g * linear_before[a] + h * linear[a];
-            }
-            (before, linear_before) = (*estimate, *linear);
-        }
-    }
-}
-
-/// Behind the outputs, a panel row for each joint: its joint-space cost with every later column, times J⁻¹.
-fn write_joints<const N: usize, const D: usize, const M: usize>(
-    responses: &Responses<'_, N>,
-    rows: &MpcRows<'_, N, D, M>,
-    r: usize,
-    panel: &mut Panel<'_>,
-) {
-    let (costs, cost_stride) = responses.cost(r);
-    let (outputs, h) = (panel.outputs, rows.horizon.steps().len());
-    for (joint, cost) in costs.chunks_exact(cost_stride).enumerate() {
-        let column = &rows.by_joint[joint];
-        let row = panel.row(outputs + joint)[r * M..].as_chunks_mut::<M>().0;
-        for (values, cost) in row.iter_mut().zip(&cost[r..h]) {
-            for b in 0..M {
-                values[b] = cost * column[b];
-            }
-        }
-    }
-}
-
-/// Adds the outputs of every step to H: at the end of step k the inputs of steps 0..=k act.
-fn add_step_by_step<const N: usize, const D: usize, const M: usize>(
-    responses: &Responses<'_, N>,
+/// Adds R, and the slack's variable.
+fn finish<const N: usize, const D: usize, const M: usize>(
     rows: &MpcRows<'_, N, D, M>,
     hessian: &mut [f64],
-    panel: &mut Panel<'_>,
-    n: usize,
+    stride: usize,
 ) {
-    let (stride, h) = (panel.stride, rows.horizon.steps().len());
-    panel.values[..panel_rows::<D>() * stride].fill(0.0);
-    let axes = rows.prediction.wrench_axes.as_slice();
-    for (k, step) in rows.horizon.steps().iter().enumerate() {
-        filter(axes, panel, n, |axis| (step.wrench_decay[axis], step.wrench_by_start[axis]));
-        write_outputs(responses, rows, k, panel);
-        filter(axes, panel, n, |axis| (1.0, step.wrench_by_end[axis]));
-        for index in (h - 1 - k) * M..n {
-            let start = index / M * M / LANES * LANES;
-            let row = &mut hessian[index * stride + start..(index + 1) * stride];
-            add_outputs(row, None, &panel.weighted(index)[..panel.outputs], &panel.values[start..], stride);
-        }
+    let (prediction, n) = (rows.prediction, M * rows.horizon.steps().len());
+    let weight: [f64; M] = core::array::from_fn(|a| prediction.input_weight[prediction.inputs.as_slice()[a]]);
+    for (index, row) in hessian.chunks_exact_mut(stride).enumerate().take(n) {
+        row[index] += weight[index % M];
     }
-}
-
-/// f̂ ← factor f̂ + gain f_lin for every wrench estimate; (factor, gain) by axis.
-fn filter(axes: &[usize], panel: &mut Panel<'_>, n: usize, factors: impl Fn(usize) -> (f64, f64)) {
-    let stride = panel.stride;
-    let (estimates, linear) = panel.values.split_at_mut(MAX_OUTPUTS * stride);
-    for (index, &axis) in axes.iter().enumerate() {
-        let (factor, gain) = factors(axis);
-        let estimate = &mut estimates[index * stride..index * stride + n];
-        for (value, linear) in estimate.iter_mut().zip(&linear[index * stride..]) {
-            *value = factor * *value + gain * linear;
-        }
+    if let Some(price) = prediction.slack_price {
+        hessian.chunks_exact_mut(stride).take(n).for_each(|row| row[n] = 0.0);
+        hessian[n * stride + n] = price * SLACK_UNIT * SLACK_CURVATURE;
     }
 }

@@ -101,9 +101,10 @@ impl Capacity {
     /// For N joints, D axes and H steps with every axis as input.
     pub fn new<const N: usize, const D: usize>(steps: usize) -> Self {
         let variables = D * steps + 1;
-        let panel = hessian::panel_rows::<D>() * padded(variables);
+        let panel = hessian::panel_rows::<N, D>() * padded(variables);
         let checks = 3 * padded(variables) + MAX_ROWS;
-        Self { variables, tables: responses::table_len::<N>(steps), scratch: panel.max(checks) }
+        let trajectory = trajectory::trajectory_len::<N, D>(steps);
+        Self { variables, tables: responses::table_len::<N>(steps), scratch: panel.max(checks).max(trajectory) }
     }
 
     /// Number of f64 that [`Workspace::new`] wants.
@@ -131,7 +132,7 @@ pub struct Pieces<'a> {
     lower: &'a mut [f64],
     upper: &'a mut [f64],
     weight: &'a mut [f64],
-    /// The panel of [`hessian`], and room for checks once H is written.
+    /// The free trajectory, then the panels of [`hessian`], then room for checks.
     scratch: &'a mut [f64],
     tables: &'a [f64],
     /// Where the solver writes.
@@ -201,8 +202,9 @@ impl Pieces<'_> {
 /// The cost is half of (18a) without its constant. About n² (N + m) / 2 multiplications over even steps and joint weights,
 /// n² (3 m + H m) / 2 at most.
 pub fn condense<const N: usize, const D: usize, const M: usize>(rows: &MpcRows<'_, N, D, M>, pieces: &mut Pieces<'_>) {
-    let responses = responses::Responses::<N>::of(pieces.tables, rows.horizon.steps().len());
-    let mut free = trajectory::FreeTrajectory::empty();
+    let steps = rows.horizon.steps().len();
+    let responses = responses::Responses::<N>::of(pieces.tables, steps);
+    let mut free = trajectory::FreeTrajectory::within(pieces.scratch, steps);
     trajectory::write_gradient(rows, pieces.gradient, &mut free);
     rows.write_bounds(&free, pieces.lower, pieces.upper, pieces.weight);
     hessian::write(&responses, rows, pieces.hessian, pieces.stride, pieces.scratch);

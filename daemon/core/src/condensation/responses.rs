@@ -3,57 +3,52 @@
 
 use crate::cost::Weights;
 use crate::horizon::Horizon;
-use crate::qp::padded;
+use crate::qp::{LANES, padded};
 
 /// Views of the tables. Columns are steps in reversed order: column s belongs to the input of step H − 1 − s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Responses<'a, const N: usize> {
-    /// Numbers between rows.
-    stride: usize,
-    position: &'a [f64],
-    velocity: &'a [f64],
-    cost: &'a [f64],
+    steps: usize,
+    position: &'a [[f64; N]],
+    velocity: &'a [[f64; N]],
+    cost: &'a [[[f64; LANES]; N]],
 }
 
-/// Rows are padded so that whole groups can be read from any column on.
-const fn stride_of(steps: usize) -> usize {
-    padded(steps + 1)
+/// Numbers in the table of positions, and in that of velocities.
+const fn motion_len<const N: usize>(steps: usize) -> usize {
+    N * steps * steps
 }
 
 /// Numbers in all tables.
 pub(super) const fn table_len<const N: usize>(steps: usize) -> usize {
-    3 * N * steps * stride_of(steps)
+    2 * motion_len::<N>(steps) + N * steps * padded(steps)
 }
 
 impl<'a, const N: usize> Responses<'a, N> {
     /// The tables that [`fill`] has written.
     pub(super) fn of(tables: &'a [f64], steps: usize) -> Self {
-        let table = table_len::<N>(steps) / 3;
-        let (position, rest) = tables.split_at(table);
-        let (velocity, rest) = rest.split_at(table);
-        Self { stride: stride_of(steps), position, velocity, cost: &rest[..table] }
+        let (position, rest) = tables.split_at(motion_len::<N>(steps));
+        let (velocity, cost) = rest.split_at(motion_len::<N>(steps));
+        let cost = cost.as_chunks().0.as_chunks().0;
+        Self { steps, position: position.as_chunks().0, velocity: velocity.as_chunks().0, cost }
     }
 
-    fn row(&self, table: &'a [f64], instant: usize, joint: usize) -> &'a [f64] {
-        let at = (instant * N + joint) * self.stride;
-        &table[at..at + self.stride]
+    /// q of the joints at the end of step `step`, rad per rad/s, by column.
+    pub(super) fn position(&self, step: usize) -> &'a [[f64; N]] {
+        &self.position[step * self.steps..(step + 1) * self.steps]
     }
 
-    /// q of a joint at the end of step `step`, rad per rad/s.
-    pub(super) fn position(&self, step: usize, joint: usize) -> &'a [f64] {
-        self.row(self.position, step, joint)
+    /// q̇ of the joints at the end of step `step`, by column.
+    pub(super) fn velocity(&self, step: usize) -> &'a [[f64; N]] {
+        &self.velocity[step * self.steps..(step + 1) * self.steps]
     }
 
-    /// q̇ of a joint at the end of step `step`.
-    pub(super) fn velocity(&self, step: usize, joint: usize) -> &'a [f64] {
-        self.row(self.velocity, step, joint)
-    }
-
-    /// Joint-space cost of references in the steps of column `reversed` and of each column, per (rad/s)²; a row for each
-    /// joint, and the numbers between rows. Over an even horizon only what the last step adds to the cost of the two
+    /// Joint-space cost of references in the steps of column `reversed` and of each column, per (rad/s)²: groups of columns,
+    /// of each group one joint after the other. Over an even horizon only what the last step adds to the cost of the two
     /// columns before.
-    pub(super) fn cost(&self, reversed: usize) -> (&'a [f64], usize) {
-        (&self.cost[reversed * N * self.stride..(reversed + 1) * N * self.stride], self.stride)
+    pub(super) fn cost(&self, reversed: usize) -> &'a [[[f64; LANES]; N]] {
+        let groups = self.steps.div_ceil(LANES);
+        &self.cost[reversed * groups..(reversed + 1) * groups]
     }
 }
 
@@ -64,11 +59,10 @@ pub(super) fn fill<const N: usize, const D: usize>(
     weights: &Weights<N, D>,
 ) {
     let steps = horizon.steps();
-    let h = steps.len();
-    let (stride, table) = (stride_of(h), table_len::<N>(h) / 3);
-    tables[..3 * table].fill(0.0);
-    let (position, rest) = tables.split_at_mut(table);
-    let (velocity, cost) = rest.split_at_mut(table);
+    let (h, width) = (steps.len(), padded(steps.len()));
+    tables.fill(0.0);
+    let (position, rest) = tables.split_at_mut(motion_len::<N>(h));
+    let (velocity, cost) = rest.split_at_mut(motion_len::<N>(h));
     for joint in 0..N {
         for input in 0..h {
             let (mut q, mut v) = (0.0, 0.0);
@@ -76,7 +70,7 @@ pub(super) fn fill<const N: usize, const D: usize>(
                 let r = if k == input { 1.0 } else { 0.0 };
                 q += step.position_by_velocity[joint] * v + step.position_by_reference[joint] * r;
                 v = step.velocity_decay[joint] * v + step.velocity_by_reference[joint] * r;
-                let at = (k * N + joint) * stride + h - 1 - input;
+                let at = (k * h + h - 1 - input) * N + joint;
                 (position[at], velocity[at]) = (q, v);
             }
         }
@@ -86,11 +80,10 @@ pub(super) fn fill<const N: usize, const D: usize>(
     let first = if horizon.is_even() { h - 1 } else { 0 };
     for joint in 0..N {
         for (r, s) in (0..h).flat_map(|r| (r..h).map(move |s| (r, s))) {
-            cost[(r * N + joint) * stride + s] = (first..h)
+            cost[(r * width + s / LANES * LANES) * N + joint * LANES + s % LANES] = (first..h)
                 .map(|k| {
-                    let at = (k * N + joint) * stride;
-                    by_position[joint] * position[at + r] * position[at + s]
-                        + by_velocity[joint] * velocity[at + r] * velocity[at + s]
+                    let (r, s) = ((k * h + r) * N + joint, (k * h + s) * N + joint);
+                    by_position[joint] * position[r] * position[s] + by_velocity[joint] * velocity[r] * velocity[s]
                 })
                 .sum();
         }

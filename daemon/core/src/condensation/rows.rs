@@ -50,26 +50,46 @@ struct Bounds<'a> {
 }
 
 impl Bounds<'_> {
-    /// The rows of one instant: `interval` for what is `here` without inputs.
+    /// The rows of a section, of which `count` belong to one instant: the interval of each instant for what is there without
+    /// inputs.
     #[inline(always)]
-    fn put<const K: usize>(&mut self, row: usize, count: usize, interval: &Weighted<K>, here: &[f64; K]) {
-        let lower: [f64; K] = core::array::from_fn(|k| interval.lower[k] - here[k]);
-        let upper: [f64; K] = core::array::from_fn(|k| interval.upper[k] - here[k]);
-        store(self.lower, row, count, &lower);
-        store(self.upper, row, count, &upper);
-        store(self.weight, row, count, &interval.weight);
+    fn put<const K: usize>(
+        &mut self,
+        rows: Range<usize>,
+        count: usize,
+        instants: impl Iterator<Item = ([f64; K], Weighted<K>)>,
+    ) {
+        let relative = instants.map(|(here, interval)| {
+            let lower: [f64; K] = core::array::from_fn(|k| interval.lower[k] - here[k]);
+            let upper: [f64; K] = core::array::from_fn(|k| interval.upper[k] - here[k]);
+            (lower, upper, interval.weight)
+        });
+        let (lower, upper) = (&mut self.lower[rows.clone()], &mut self.upper[rows.clone()]);
+        let weight = &mut self.weight[rows];
+        if count == K {
+            let places = lower.as_chunks_mut().0.iter_mut().zip(upper.as_chunks_mut().0).zip(weight.as_chunks_mut().0);
+            for (((to_lower, to_upper), to_weight), (lower, upper, weight)) in places.zip(relative) {
+                (*to_lower, *to_upper, *to_weight) = (lower, upper, weight);
+            }
+        } else if count > 0 {
+            let places =
+                lower.chunks_exact_mut(count).zip(upper.chunks_exact_mut(count)).zip(weight.chunks_exact_mut(count));
+            for (((to_lower, to_upper), to_weight), (lower, upper, weight)) in places.zip(relative) {
+                to_lower.copy_from_slice(&lower[..count]);
+                to_upper.copy_from_slice(&upper[..count]);
+                to_weight.copy_from_slice(&weight[..count]);
+            }
+        }
     }
 }
 
-/// to[row..row + count] ← the first of `from`: in one piece where there is room for all.
+/// to ← the first of `from`: in one piece where that is all.
 #[inline(always)]
-fn store<const K: usize>(to: &mut [f64], row: usize, count: usize, from: &[f64; K]) {
-    if let Some(place) = to[row..].first_chunk_mut::<K>().filter(|_| count == K) {
+fn store<const K: usize>(to: &mut [f64], from: &[f64; K]) {
+    if let Ok(place) = <&mut [f64; K]>::try_from(&mut *to) {
         *place = *from;
     } else {
-        for (to, from) in to[row..row + count].iter_mut().zip(from) {
-            *to = *from;
-        }
+        to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
     }
 }
 
@@ -142,10 +162,14 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
         first..first + M
     }
 
+    /// The rows of one kind.
+    fn rows(&self, kind: RowKind) -> Range<usize> {
+        self.layout.rows_of(kind)
+    }
+
     /// The rows that bound a force.
     pub fn force_rows(&self) -> Range<usize> {
-        let first = self.at(RowKind::Force, 0).unwrap_or(0);
-        first..first + self.horizon.force_points().len() * self.bounded
+        self.rows(RowKind::Force)
     }
 
     /// Axis of a force row, and its time in s from the sample; `None` of another row.
@@ -168,6 +192,18 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
         }
     }
 
+    /// Adds what a sensitivity of the joints at the start of step `step` means for the inputs before.
+    #[inline(always)]
+    fn sweep(&self, mut costate: Joints<N>, step: usize, to: &mut [f64]) {
+        let h = self.horizon.steps().len();
+        let places = to[(h - step) * M..h * M].as_chunks_mut::<M>().0;
+        // Variables stand in reversed time order: backward in time is forward among them.
+        for (step, place) in self.horizon.steps()[..step].iter().rev().zip(places) {
+            let sum = combine(&self.by_joint, &costate.back(step));
+            (0..M).for_each(|a| place[a] += sum[a]);
+        }
+    }
+
     /// Row of a kind's first component at an instant.
     #[inline(always)]
     fn at(&self, kind: RowKind, instant: usize) -> Option<usize> {
@@ -179,7 +215,7 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
     #[inline(never)]
     pub(super) fn write_bounds(
         &self,
-        free: &FreeTrajectory<N, M>,
+        free: &FreeTrajectory<'_, N, M>,
         lower: &mut [f64],
         upper: &mut [f64],
         weight: &mut [f64],
@@ -193,32 +229,29 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
         let steps = self.horizon.steps();
         if let Some(interval) = &c.joint_speed {
             let interval = Weighted::new(*array(&interval.lower), *array(&interval.upper));
-            for (k, reference) in p.known_reference.iter().enumerate().take(steps.len()) {
-                if let Some(row) = self.at(RowKind::JointSpeed, k) {
-                    bounds.put(row, N, &interval, array(reference));
-                }
-            }
+            bounds.put(
+                self.rows(RowKind::JointSpeed),
+                N,
+                p.known_reference.iter().map(|here| (*array(here), interval)),
+            );
         }
         let inputs = p.inputs.as_slice();
         if let Some(interval) = &c.offset {
             let interval = Weighted::<M>::of(interval, inputs);
-            for row in (0..steps.len()).filter_map(|k| self.at(RowKind::Offset, k)) {
-                bounds.put(row, M, &interval, &[0.0; M]);
-            }
+            bounds.put(self.rows(RowKind::Offset), M, steps.iter().map(|_| ([0.0; M], interval)));
         }
         if let Some(interval) = &c.rate {
             let interval = Weighted::<M>::of(interval, inputs);
-            for (k, row) in (0..steps.len()).filter_map(|k| Some((k, self.at(RowKind::Rate, k)?))) {
-                let since = steps[k.saturating_sub(1)].duration;
-                let before = core::array::from_fn(|index| if k == 0 { -p.previous_input[inputs[index]] } else { 0.0 });
-                bounds.put(row, M, &interval.scaled(since), &before);
-            }
+            let before = core::array::from_fn(|index| -p.previous_input[inputs[index]]);
+            // The first change comes a first step's length after the last input.
+            let first = (before, interval.scaled(steps[0].duration));
+            let later = steps.iter().map(|before| ([0.0; M], interval.scaled(before.duration)));
+            bounds.put(self.rows(RowKind::Rate), M, core::iter::once(first).chain(later));
         }
         if let Some(interval) = &c.joint_position {
             let interval = Weighted::new(*array(&interval.lower), *array(&interval.upper));
-            for (k, row) in (0..steps.len()).filter_map(|k| Some((k, self.at(RowKind::JointPosition, k)?))) {
-                bounds.put(row, N, &interval, &free.joints(k + 1).position);
-            }
+            let reached = free.positions().skip(self.horizon.first_reached());
+            bounds.put(self.rows(RowKind::JointPosition), N, reached.map(|position| (*position, interval)));
         }
         let (mut minimum, mut maximum, mut offset) = ([0.0; M], [0.0; M], [0.0; M]);
         for (index, bound) in c.force.as_slice().iter().enumerate() {
@@ -229,64 +262,67 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
             minimum = [f64::NEG_INFINITY; M];
         }
         let interval = Weighted::new(minimum, maximum);
-        for (instant, point) in self.horizon.force_points().iter().enumerate() {
-            let Some(row) = self.at(RowKind::Force, instant) else { break };
+        let points = self.horizon.force_points().iter().map(|point| {
             let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
-            let position = free.joints(point.step).position_after(a, b, array(&p.known_reference[point.step]));
-            let mut force = combine(&self.gradients_by_joint, &position);
+            let reference = array(&p.known_reference[point.step]);
+            let mut force =
+                combine(&self.gradients_by_joint, &free.joints_at(point.step).position_after(a, b, reference));
             (0..M).for_each(|index| force[index] += offset[index]);
-            bounds.put(row, self.bounded, &interval, &force);
-        }
-        if let Some(row) = self.at(RowKind::Slack, 0) {
-            bounds.put(row, 1, &Weighted::new([0.0], [f64::INFINITY]), &[0.0]);
+            (force, interval)
+        });
+        bounds.put(self.rows(RowKind::Force), self.bounded, points);
+        if p.slack_price.is_some() {
+            bounds.put(self.rows(RowKind::Slack), 1, core::iter::once(([0.0], Weighted::new([0.0], [f64::INFINITY]))));
         }
     }
 }
 
 impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, M> {
     fn values(&self, z: &[f64], out: &mut [f64]) {
-        let mut joints = Joints::<N>::ZERO;
-        let first_of = |kind, instant| self.at(kind, instant);
-        let (speed, offset, rate) =
-            (first_of(RowKind::JointSpeed, 0), first_of(RowKind::Offset, 0), first_of(RowKind::Rate, 0));
-        let delay = self.horizon.first_reached();
-        let position = first_of(RowKind::JointPosition, delay);
-        let mut points = self.horizon.force_points();
-        let mut force_row = first_of(RowKind::Force, 0);
-        let slack = self.slack(z);
-        for (k, step) in self.horizon.steps().iter().enumerate() {
-            let inputs = self.inputs_of(k);
-            let Some(u) = z[inputs.start..].first_chunk::<M>() else { return };
+        // Sections stand one behind the other in the order of their kinds.
+        let (speed, rest) = out.split_at_mut(self.rows(RowKind::JointSpeed).len());
+        let (offset, rest) = rest.split_at_mut(self.rows(RowKind::Offset).len());
+        let (rate, rest) = rest.split_at_mut(self.rows(RowKind::Rate).len());
+        let (position, rest) = rest.split_at_mut(self.rows(RowKind::JointPosition).len());
+        let (force, rest) = rest.split_at_mut(self.rows(RowKind::Force).len());
+        let mut speed = speed.as_chunks_mut::<N>().0.iter_mut();
+        let mut offset = offset.as_chunks_mut::<M>().0.iter_mut();
+        let mut rate = rate.as_chunks_mut::<M>().0.iter_mut();
+        let mut position = position.as_chunks_mut::<N>().0.iter_mut();
+        let mut force = force.chunks_exact_mut(self.bounded.max(1));
+        let mut points = self.horizon.force_points().iter().peekable();
+        let (slack, delay) = (self.slack(z), self.horizon.first_reached());
+        let (steps, mut joints, mut before) = (self.horizon.steps(), Joints::<N>::ZERO, [0.0; M]);
+        let inputs = z[..M * steps.len()].as_chunks::<M>().0;
+        for ((k, step), u) in steps.iter().enumerate().zip(inputs.iter().rev()) {
             let reference = combine(&self.columns, u);
-            if let Some(first) = speed {
-                store(out, first + k * N, N, &reference);
+            if let Some(speed) = speed.next() {
+                *speed = reference;
             }
-            if let Some(first) = offset {
-                let row = first + k * M;
-                store(out, row, M, u);
+            if let Some(offset) = offset.next() {
+                *offset = *u;
             }
-            if let Some(first) = rate {
-                let row = first + k * M;
-                let before = |index: usize| if k == 0 { 0.0 } else { z[inputs.end + index] };
-                store::<M>(out, row, M, &core::array::from_fn(|index| u[index] - before(index)));
+            if let Some(rate) = rate.next() {
+                *rate = core::array::from_fn(|index| u[index] - before[index]);
+                before = *u;
             }
-            if let Some(row) = &mut force_row {
-                while let Some((point, later)) = points.split_first().filter(|(point, _)| point.step == k) {
-                    let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
-                    let mut force = combine(&self.gradients_by_joint, &joints.position_after(a, b, &reference));
-                    force.iter_mut().for_each(|force| *force -= slack);
-                    store(out, *row, self.bounded, &force);
-                    *row += self.bounded;
-                    points = later;
+            while let Some(point) = points.next_if(|point| point.step == k) {
+                let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
+                let pressing = combine(&self.gradients_by_joint, &joints.position_after(a, b, &reference));
+                let pressing = pressing.map(|pressing| pressing - slack);
+                if let Some(force) = force.next() {
+                    store(force, &pressing);
                 }
             }
             joints.advance(step, &reference);
-            if let Some(first) = position.filter(|_| k >= delay) {
-                store(out, first + (k - delay) * N, N, &joints.position);
+            if k >= delay
+                && let Some(position) = position.next()
+            {
+                *position = joints.position;
             }
         }
-        if let Some(row) = self.at(RowKind::Slack, 0) {
-            out[row] = z[self.variables() - 1];
+        if self.prediction.slack_price.is_some() {
+            rest[0] = z[self.variables() - 1];
         }
     }
 
@@ -306,12 +342,9 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         };
         let start = first / LANES * LANES;
         out[start..].fill(0.0);
-        let mut costate = Joints::ZERO;
-        // The sweep goes on from the start of this step.
-        let mut from = 0;
         match kind {
             RowKind::JointSpeed => {
-                for (value, coefficient) in out[self.inputs_of(instant)].iter_mut().zip(self.by_joint[component]) {
+                for (value, coefficient) in out[first..].iter_mut().zip(self.by_joint[component]) {
                     *value = coefficient;
                 }
             }
@@ -323,28 +356,26 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 }
             }
             RowKind::JointPosition => {
+                let mut costate = Joints::ZERO;
                 costate.position[component] = 1.0;
-                from = instant + 1;
+                self.sweep(costate, instant + 1, out);
             }
             RowKind::Force => {
                 let bounds = self.prediction.constraints.force.as_slice();
                 let index = bounds.iter().position(|bound| bound.axis == component).unwrap_or(0);
                 let point = &self.horizon.force_points()[instant];
                 let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
+                let mut costate = Joints::ZERO;
                 let at_once = costate.seed(a, b, &self.gradients[index]);
                 if delay == 0 {
                     self.add_to_inputs(point.step, &at_once, out);
                 }
-                from = point.step;
+                self.sweep(costate, point.step, out);
                 if self.prediction.slack_price.is_some() {
                     out[self.variables() - 1] = -SLACK_UNIT;
                 }
             }
             RowKind::Slack => out[first] = 1.0,
-        }
-        for (k, step) in self.horizon.steps()[..from].iter().enumerate().rev() {
-            let reference = costate.back(step);
-            self.add_to_inputs(k, &reference, out);
         }
         start
     }

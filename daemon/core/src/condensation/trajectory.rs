@@ -4,26 +4,39 @@ use super::SLACK_UNIT;
 use super::joints::{Joints, array, combine};
 use super::rows::MpcRows;
 use crate::cost::Weights;
-use crate::plan::MAX_STEPS;
+use crate::model::Step;
 
 /// What happens without inputs: joints at the start of every step and at the end of the last, wrench estimates at the end
 /// of every step.
-pub(super) struct FreeTrajectory<const N: usize, const M: usize> {
-    joints: [Joints<N>; MAX_STEPS + 1],
+pub(super) struct FreeTrajectory<'a, const N: usize, const M: usize> {
+    joints: &'a mut [[[f64; N]; 2]],
     /// By position among the wrench axes.
-    wrench: [[f64; M]; MAX_STEPS],
+    wrench: &'a mut [[f64; M]],
 }
 
-impl<const N: usize, const M: usize> FreeTrajectory<N, M> {
-    /// Where [`write_gradient`] writes.
-    #[inline(always)]
-    pub(super) fn empty() -> Self {
-        Self { joints: [Joints::ZERO; MAX_STEPS + 1], wrench: [[0.0; M]; MAX_STEPS] }
+/// Numbers in a trajectory.
+pub(super) const fn trajectory_len<const N: usize, const D: usize>(steps: usize) -> usize {
+    2 * N * (steps + 1) + D * steps
+}
+
+impl<'a, const N: usize, const M: usize> FreeTrajectory<'a, N, M> {
+    /// Where [`write_gradient`] writes, at the start of `storage`.
+    pub(super) fn within(storage: &'a mut [f64], steps: usize) -> Self {
+        let (joints, rest) = storage.split_at_mut(2 * N * (steps + 1));
+        let wrench = &mut rest[..M * steps];
+        Self { joints: joints.as_chunks_mut().0.as_chunks_mut().0, wrench: wrench.as_chunks_mut().0 }
     }
 
-    /// Joints at the start of step `step`.
-    pub(super) fn joints(&self, step: usize) -> &Joints<N> {
-        &self.joints[step]
+    /// Joints at the start of step `step`, or at the end of the last.
+    #[inline(always)]
+    pub(super) fn joints_at(&self, step: usize) -> Joints<N> {
+        let [position, velocity] = self.joints[step];
+        Joints { position, velocity }
+    }
+
+    /// q at the end of every step.
+    pub(super) fn positions(&self) -> impl Iterator<Item = &[f64; N]> {
+        self.joints.iter().skip(1).map(|[position, _]| position)
     }
 }
 
@@ -72,8 +85,7 @@ impl<const N: usize, const M: usize> Estimates<N, M> {
 
     /// The filter's constants of one step.
     #[inline(always)]
-    fn take_step<const D: usize>(&mut self, rows: &MpcRows<'_, N, D, M>, step: usize) {
-        let step = &rows.horizon.steps()[step];
+    fn take_step<const D: usize>(&mut self, rows: &MpcRows<'_, N, D, M>, step: &Step<N, D>) {
         for (index, &axis) in rows.prediction.wrench_axes.as_slice().iter().enumerate() {
             self.decay[index] = step.wrench_decay[axis];
             self.by_start[index] = step.wrench_by_start[axis];
@@ -88,24 +100,26 @@ impl<const N: usize, const M: usize> Estimates<N, M> {
 pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     rows: &MpcRows<'_, N, D, M>,
     gradient: &mut [f64],
-    free: &mut FreeTrajectory<N, M>,
+    free: &mut FreeTrajectory<'_, N, M>,
 ) {
-    let prediction = rows.prediction;
+    let (prediction, is_even) = (rows.prediction, rows.horizon.is_even());
     let steps = rows.horizon.steps();
     let mut estimates = Estimates::new(rows);
+    estimates.take_step(rows, &steps[0]);
     let initial = &prediction.initial;
     let mut joints = Joints { position: *array(&initial.joint_position), velocity: *array(&initial.joint_velocity) };
-    free.joints[0] = joints;
     let mut wrench = [0.0; M];
     for (value, &axis) in wrench.iter_mut().zip(prediction.wrench_axes.as_slice()) {
         *value = initial.wrench[axis];
     }
     let mut linear = estimates.linear(&joints.position);
-    for (k, step) in steps.iter().enumerate() {
-        if k == 0 || !rows.horizon.is_even() {
-            estimates.take_step(rows, k);
+    free.joints[0] = [joints.position, joints.velocity];
+    let places = free.joints[1..].iter_mut().zip(free.wrench.iter_mut());
+    for ((step, reference), (joints_after, wrench_after)) in steps.iter().zip(prediction.known_reference).zip(places) {
+        if !is_even {
+            estimates.take_step(rows, step);
         }
-        joints.advance(step, array(&prediction.known_reference[k]));
+        joints.advance(step, array(reference));
         let after = estimates.linear(&joints.position);
         for index in 0..M {
             wrench[index] = estimates.decay[index] * wrench[index]
@@ -113,28 +127,30 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
                 + estimates.by_end[index] * after[index];
         }
         linear = after;
-        free.joints[k + 1] = joints;
-        free.wrench[k] = wrench;
+        *joints_after = [joints.position, joints.velocity];
+        *wrench_after = wrench;
     }
-    gradient.fill(0.0);
+    let n = M * steps.len();
+    gradient[n..].fill(0.0);
     if let Some(price) = prediction.slack_price {
-        gradient[rows.variables() - 1] = price * SLACK_UNIT;
+        gradient[n] = price * SLACK_UNIT;
     }
     let mut costate = Joints::<N>::ZERO;
     let mut push = [0.0; M];
-    for (k, step) in steps.iter().enumerate().rev() {
-        if !rows.horizon.is_even() {
-            estimates.take_step(rows, k);
+    // Variables stand in reversed time order: backward in time is forward in g.
+    let backward = steps.iter().zip(&free.joints[1..]).zip(&*free.wrench).rev();
+    for (((step, &[position, velocity]), wrench), place) in backward.zip(gradient.as_chunks_mut::<M>().0) {
+        if !is_even {
+            estimates.take_step(rows, step);
         }
-        add_joint_cost(rows, &free.joints[k + 1], &mut costate);
+        add_joint_cost(rows, &Joints { position, velocity }, &mut costate);
         for index in 0..M {
-            push[index] += estimates.weight[index] * (free.wrench[k][index] - estimates.set_point[index]);
+            push[index] += estimates.weight[index] * (wrench[index] - estimates.set_point[index]);
         }
         // Sensitivity to q at the end of the step, through q itself and through f̂ there.
         let at_end = combine(&estimates.gradients, &core::array::from_fn(|j| estimates.by_end[j] * push[j]));
         (0..N).for_each(|i| costate.position[i] += at_end[i]);
-        let reference = costate.back(step);
-        rows.add_to_inputs(k, &reference, gradient);
+        *place = combine(&rows.by_joint, &costate.back(step));
         let at_start = combine(&estimates.gradients, &core::array::from_fn(|j| estimates.by_start[j] * push[j]));
         (0..N).for_each(|i| costate.position[i] += at_start[i]);
         (0..M).for_each(|j| push[j] *= estimates.decay[j]);
