@@ -30,7 +30,7 @@ use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState};
 /// Violation relative to a row's scale that counts as none.
 const FEASIBLE: f64 = 1e-10;
 /// Part of the worst violation from which on others are added before all rows are looked at again.
-const CLOSE_TO_WORST: f64 = 0.1;
+const CLOSE_TO_WORST: f64 = 0.03;
 /// Multiplier below zero, relative to the largest, that counts as zero.
 const ZERO_MULTIPLIER: f64 = 1e-12;
 
@@ -47,7 +47,7 @@ impl SolverCapacity {
     /// Number of f64 that [`ActiveSet::new`] wants.
     pub fn storage_len(&self) -> usize {
         let stride = padded(self.variables);
-        3 * stride * stride + 6 * stride + padded(self.rows)
+        Factor::storage_len(stride) + 2 * stride * stride + 5 * stride + padded(self.rows)
     }
 }
 
@@ -104,10 +104,9 @@ impl<B: AsMut<[f64]>> QpSolver for ActiveSet<B> {
             return QpOutcome::Failed { iterations: 0 };
         }
         let stride = qp.stride;
-        let (u, rest) = self.storage.as_mut().split_at_mut(stride * stride);
+        let (factor, rest) = self.storage.as_mut().split_at_mut(Factor::storage_len(stride));
         let (q, rest) = rest.split_at_mut(stride * stride);
         let (r, rest) = rest.split_at_mut(stride * stride);
-        let (inverse_diagonal, rest) = rest.split_at_mut(stride);
         let (y0, rest) = rest.split_at_mut(stride);
         let (y, rest) = rest.split_at_mut(stride);
         let (c, rest) = rest.split_at_mut(stride);
@@ -115,7 +114,7 @@ impl<B: AsMut<[f64]>> QpSolver for ActiveSet<B> {
         let (fall, values) = rest.split_at_mut(stride);
         let mut run = Run {
             qp,
-            factor: Factor { u, inverse_diagonal, stride },
+            factor: Factor::within(factor, stride),
             working: WorkingSet { members: &mut self.members, len: 0, q, r, stride },
             y0,
             y,
@@ -284,16 +283,14 @@ impl Run<'_, '_> {
 
     /// Takes the largest violation of at least `least` (above zero) from the list, the first of equals.
     fn next_violated(&mut self, least: f64) -> Option<(usize, RowState)> {
-        let (mut worst, mut found) = (0.0, None);
-        for (row, violation) in self.values[..self.qp.row_count].iter().enumerate() {
-            if violation.abs() > worst {
-                (worst, found) = (violation.abs(), Some(row));
-            }
-        }
+        let values = groups(self.values);
+        let worst = values.iter().fold(f64x4::ZERO, |worst, group| f64x4::new(*group).abs().fast_max(worst));
+        let worst = worst.to_array().into_iter().fold(0.0, f64::max);
         if worst < least {
             return None;
         }
-        let row = found?;
+        let group = values.iter().position(|group| group.iter().any(|value| value.abs() == worst))?;
+        let row = group * LANES + values[group].iter().position(|value| value.abs() == worst)?;
         let side = if self.values[row] > 0.0 { RowState::Upper } else { RowState::Lower };
         self.values[row] = 0.0;
         Some((row, side))

@@ -1,180 +1,235 @@
 //! The Cholesky factor H = Uᵀ U and the two substitutions with it.
+//!
+//! U stands in tiles of four rows and four columns, block row after block row, padded with the identity. Of a tile on the
+//! diagonal only the inverse is kept: so neither factoring nor substituting waits for one division after the other.
 
 use wide::f64x4;
 
-use super::lanes::{LANES, dot4, groups, groups_mut, subtract4};
+use super::lanes::{LANES, groups, groups_mut};
 
-/// Groups of columns in a tile: as many as stay in registers.
-const TILE: usize = 3;
+/// Four rows of four columns.
+type Tile = [[f64; LANES]; LANES];
 
-/// Four rows of some groups of columns.
-type Tile<const G: usize> = [[f64x4; G]; LANES];
+/// Tiles side by side that stay in registers.
+const ABREAST: usize = 3;
 
-/// U, upper triangular, padded with the identity to whole groups.
+/// Some tiles side by side, by row and tile.
+type Panel<const G: usize> = [[f64x4; G]; LANES];
+
+/// U, upper triangular.
 pub(super) struct Factor<'a> {
-    /// Stride×stride row-major.
-    pub u: &'a mut [f64],
-    /// 1 / U_ii.
-    pub inverse_diagonal: &'a mut [f64],
-    pub stride: usize,
+    tiles: &'a mut [Tile],
+    /// Of each tile on the diagonal the inverse, by rows and by columns.
+    inverses: &'a mut [[Tile; 2]],
+    blocks: usize,
 }
 
-impl Factor<'_> {
-    /// Factors H (n×stride row-major, upper triangle). False when H is not numerically positive definite.
+impl<'a> Factor<'a> {
+    /// Numbers that it is stored in, of a problem with this stride.
+    pub(super) const fn storage_len(stride: usize) -> usize {
+        stride * stride + 2 * LANES * stride
+    }
+
+    /// A factor within `storage`, not computed yet.
+    pub(super) fn within(storage: &'a mut [f64], stride: usize) -> Self {
+        let (tiles, inverses) = storage.split_at_mut(stride * stride);
+        let inverses = inverses.as_chunks_mut().0.as_chunks_mut().0.as_chunks_mut().0;
+        Self { tiles: tiles.as_chunks_mut().0.as_chunks_mut().0, inverses, blocks: stride / LANES }
+    }
+
+    /// Factors H (n×n, rows a stride apart, upper triangle). False when H is not numerically positive definite.
     ///
-    /// n³/6 multiplications and as many additions, in blocks of four rows: a tile of U is kept in registers while all rows
-    /// above are subtracted from it.
+    /// n³/6 multiplications and as many additions: a few tiles of U are kept in registers while all rows above are
+    /// subtracted from them.
     pub(super) fn compute(&mut self, hessian: &[f64], n: usize) -> bool {
-        let stride = self.stride;
+        let blocks = self.blocks;
         let mut positive = true;
-        for first in (0..stride).step_by(LANES) {
-            let (above, rest) = self.u.split_at_mut(first * stride);
-            let (block, _) = rest.split_at_mut(LANES * stride);
-            let rows = &hessian[first * stride..(first + LANES) * stride];
-            let mut part = tile::<1>(rows, stride, first, first, n);
-            subtract_above(&mut part, above, stride, first, first);
-            let mut diagonal = part.map(|[row]| row.to_array());
-            let inverse = &mut self.inverse_diagonal[first..first + LANES];
-            for i in 0..LANES {
-                positive &= diagonal[i][i] > 0.0;
-                let root = libm::sqrt(diagonal[i][i]);
-                inverse[i] = 1.0 / root;
-                for j in i..LANES {
-                    diagonal[i][j] *= inverse[i];
-                }
-                for k in i + 1..LANES {
-                    for j in k..LANES {
-                        diagonal[k][j] -= diagonal[i][k] * diagonal[i][j];
-                    }
-                }
-            }
-            put(block, stride, first, &diagonal.map(|row| [f64x4::new(row)]));
-            let inverse: [f64; LANES] = [inverse[0], inverse[1], inverse[2], inverse[3]];
-            let mut column = first + LANES;
-            while column < stride {
-                let groups = (stride - column) / LANES;
-                if groups >= TILE {
-                    column += panel::<TILE>(rows, block, above, &diagonal, &inverse, (stride, first, column, n));
-                } else {
-                    column += panel::<1>(rows, block, above, &diagonal, &inverse, (stride, first, column, n));
-                }
+        for block in 0..blocks {
+            let (above, rest) = self.tiles.split_at_mut(block * blocks);
+            let rows = &hessian[block * LANES * blocks * LANES..];
+            let place = Place { rows, above, blocks, block, n };
+            let [[a], [b], [c], [d]] = place.panel::<1>(block);
+            let (inverse, is_positive) = inverse_of_root([a, b, c, d].map(f64x4::to_array));
+            positive &= is_positive;
+            self.inverses[block] = [inverse, transposed(&inverse)];
+            let mut column = block + 1;
+            while column < blocks {
+                column += match blocks - column {
+                    1 => place.finish::<1>(column, &inverse, rest),
+                    2 => place.finish::<2>(column, &inverse, rest),
+                    _ => place.finish::<ABREAST>(column, &inverse, rest),
+                };
             }
         }
-        // A NaN fails the comparison above.
         positive
     }
 
-    /// x ← U⁻ᵀ x, for an x that is zero before `start` (a multiple of [`LANES`]); (stride − start)²/2 multiplications.
+    /// Tiles right of the diagonal in a block row.
+    #[inline(always)]
+    fn right_of_diagonal(&self, block: usize) -> &[Tile] {
+        &self.tiles[block * self.blocks + block + 1..(block + 1) * self.blocks]
+    }
+
+    /// x ← U⁻ᵀ x, for an x that is zero before `start` (a multiple of [`LANES`]); (n − start)²/2 multiplications.
     pub(super) fn solve_transposed(&self, x: &mut [f64], start: usize) {
-        let stride = self.stride;
-        for first in (start..stride).step_by(LANES) {
-            let rows = &self.u[first * stride..(first + LANES) * stride];
-            let (head, tail) = x[first..stride].split_at_mut(LANES);
-            let inverse = &self.inverse_diagonal[first..first + LANES];
-            let u = |i: usize, j: usize| rows[i * stride + first + j];
-            let a = head[0] * inverse[0];
-            let b = (head[1] - u(0, 1) * a) * inverse[1];
-            let c = (head[2] - u(0, 2) * a - u(1, 2) * b) * inverse[2];
-            let d = (head[3] - u(0, 3) * a - u(1, 3) * b - u(2, 3) * c) * inverse[3];
-            head.copy_from_slice(&[a, b, c, d]);
-            let after = |i: usize| &rows[i * stride + first + LANES..(i + 1) * stride];
-            subtract4(tail, [a, b, c, d], [after(0), after(1), after(2), after(3)]);
+        let mut rest = &mut groups_mut(x)[start / LANES..self.blocks];
+        let mut block = start / LANES;
+        while let Some((head, tail)) = rest.split_first_mut() {
+            *head = combination(head, &self.inverses[block][0]).to_array();
+            let factors = head.map(f64x4::splat);
+            for (x, tile) in tail.iter_mut().zip(self.right_of_diagonal(block)) {
+                let mut value = f64x4::new(*x);
+                for i in 0..LANES {
+                    value = f64x4::new(tile[i]).mul_neg_add(factors[i], value);
+                }
+                *x = value.to_array();
+            }
+            (rest, block) = (tail, block + 1);
         }
     }
 
-    /// x ← U⁻¹ x; stride²/2 multiplications.
+    /// x ← U⁻¹ x; n²/2 multiplications.
     pub(super) fn solve(&self, x: &mut [f64]) {
-        let stride = self.stride;
-        for first in (0..stride).step_by(LANES).rev() {
-            let rows = &self.u[first * stride..(first + LANES) * stride];
-            let (head, tail) = x[first..stride].split_at_mut(LANES);
-            let inverse = &self.inverse_diagonal[first..first + LANES];
-            let after = |i: usize| &rows[i * stride + first + LANES..(i + 1) * stride];
-            let known = dot4([after(0), after(1), after(2), after(3)], tail);
-            let u = |i: usize, j: usize| rows[i * stride + first + j];
-            let d = (head[3] - known[3]) * inverse[3];
-            let c = (head[2] - known[2] - u(2, 3) * d) * inverse[2];
-            let b = (head[1] - known[1] - u(1, 2) * c - u(1, 3) * d) * inverse[1];
-            let a = (head[0] - known[0] - u(0, 1) * b - u(0, 2) * c - u(0, 3) * d) * inverse[0];
-            head.copy_from_slice(&[a, b, c, d]);
+        let x = &mut groups_mut(x)[..self.blocks];
+        for block in (0..self.blocks).rev() {
+            let (head, tail) = x[block..].split_at_mut(1);
+            let known = products(self.right_of_diagonal(block), tail);
+            let left = f64x4::new(head[0]) - known;
+            head[0] = combination(&left.to_array(), &self.inverses[block][1]).to_array();
         }
     }
 }
 
-/// One tile of the rows of U from `first` on, right of the diagonal block. Gives the number of its columns.
-#[inline(always)]
-fn panel<const G: usize>(
-    rows: &[f64],
-    block: &mut [f64],
-    above: &[f64],
-    diagonal: &[[f64; LANES]; LANES],
-    inverse: &[f64; LANES],
-    (stride, first, column, n): (usize, usize, usize, usize),
-) -> usize {
-    let mut part = tile::<G>(rows, stride, first, column, n);
-    subtract_above(&mut part, above, stride, first, column);
-    substitute(&mut part, diagonal, inverse);
-    put(block, stride, column, &part);
-    G * LANES
+/// Where a block row of U is computed.
+struct Place<'a> {
+    /// The rows of H from those of the block on.
+    rows: &'a [f64],
+    /// The block rows of U above.
+    above: &'a [Tile],
+    blocks: usize,
+    block: usize,
+    n: usize,
 }
 
-/// Some columns of a block of four rows of H, the first of which is row `first`; those of the identity beyond n.
-#[inline(always)]
-fn tile<const G: usize>(rows: &[f64], stride: usize, first: usize, column: usize, n: usize) -> Tile<G> {
-    let mut tile = [[f64x4::ZERO; G]; LANES];
-    for (i, row) in tile.iter_mut().enumerate() {
-        for (g, group) in row.iter_mut().enumerate() {
-            let at = column + g * LANES;
-            let mut values = groups(&rows[i * stride + at..])[0];
-            if at + LANES > n {
-                for (j, value) in values.iter_mut().enumerate().filter(|(j, _)| first + i >= n || at + j >= n) {
-                    *value = if first + i == at + j { 1.0 } else { 0.0 };
+impl Place<'_> {
+    /// Some tiles of H, minus Σ_k U[k, block]ᵀ U[k, column..] over the rows above.
+    #[inline(always)]
+    fn panel<const G: usize>(&self, column: usize) -> Panel<G> {
+        let stride = self.blocks * LANES;
+        let mut sums: Panel<G> = core::array::from_fn(|i| {
+            let row = groups(&self.rows[i * stride..]);
+            let row = &row[column..column + G];
+            core::array::from_fn(|g| f64x4::new(row[g]))
+        });
+        if (column + G) * LANES > self.n {
+            // Only the last tile reaches beyond n; there the identity stands.
+            for i in 0..LANES {
+                let mut values = sums[i][G - 1].to_array();
+                for (lane, value) in values.iter_mut().enumerate() {
+                    let (row, column) = (self.block * LANES + i, (column + G - 1) * LANES + lane);
+                    if row >= self.n || column >= self.n {
+                        *value = if row == column { 1.0 } else { 0.0 };
+                    }
+                }
+                sums[i][G - 1] = f64x4::new(values);
+            }
+        }
+        for row in self.above.chunks_exact(self.blocks) {
+            let (left, right) = (&row[self.block], &row[column..column + G]);
+            for k in 0..LANES {
+                let right: [f64x4; G] = core::array::from_fn(|g| f64x4::new(right[g][k]));
+                for i in 0..LANES {
+                    let left = f64x4::splat(left[k][i]);
+                    for g in 0..G {
+                        sums[i][g] = left.mul_neg_add(right[g], sums[i][g]);
+                    }
                 }
             }
-            *group = f64x4::new(values);
         }
+        sums
     }
-    tile
+
+    /// Writes some tiles of U into the block row, U_dd⁻ᵀ times what [`Self::panel`] gives; says how many.
+    #[inline(always)]
+    fn finish<const G: usize>(&self, column: usize, inverse: &Tile, row: &mut [Tile]) -> usize {
+        let sums = self.panel::<G>(column);
+        for (g, tile) in row[column..column + G].iter_mut().enumerate() {
+            for j in 0..LANES {
+                let mut value = sums[0][g] * f64x4::splat(inverse[0][j]);
+                for i in 1..=j {
+                    value = sums[i][g].mul_add(f64x4::splat(inverse[i][j]), value);
+                }
+                tile[j] = value.to_array();
+            }
+        }
+        G
+    }
+}
+
+/// U⁻¹ for the tile A = Uᵀ U, of which the upper triangle is read; and whether A is positive definite. With A = Lᵀ D L, L of
+/// unit diagonal, U⁻¹ = L⁻¹ D^(−1/2): the roots are taken side by side.
+#[inline(always)]
+fn inverse_of_root(a: Tile) -> (Tile, bool) {
+    let d0 = a[0][0];
+    let inverse = 1.0 / d0;
+    let (l01, l02, l03) = (a[0][1] * inverse, a[0][2] * inverse, a[0][3] * inverse);
+    let d1 = a[1][1] - l01 * a[0][1];
+    let (a12, a13) = (a[1][2] - l01 * a[0][2], a[1][3] - l01 * a[0][3]);
+    let (a22, a23, a33) = (a[2][2] - l02 * a[0][2], a[2][3] - l02 * a[0][3], a[3][3] - l03 * a[0][3]);
+    let inverse = 1.0 / d1;
+    let (l12, l13) = (a12 * inverse, a13 * inverse);
+    let (d2, a23, a33) = (a22 - l12 * a12, a23 - l12 * a13, a33 - l13 * a13);
+    let l23 = a23 / d2;
+    let d3 = a33 - l23 * a23;
+    let roots = f64x4::new([d0, d1, d2, d3]).sqrt();
+    let [r0, r1, r2, r3] = (f64x4::ONE / roots).to_array();
+    let (m02, m13) = (l01 * l12 - l02, l12 * l23 - l13);
+    let m03 = l01 * l13 + l02 * l23 - l03 - l01 * l12 * l23;
+    let rows = [
+        [r0, -l01 * r1, m02 * r2, m03 * r3],
+        [0.0, r1, -l12 * r2, m13 * r3],
+        [0.0, 0.0, r2, -l23 * r3],
+        [0.0, 0.0, 0.0, r3],
+    ];
+    // A NaN fails as well.
+    (rows, d0 > 0.0 && d1 > 0.0 && d2 > 0.0 && d3 > 0.0)
 }
 
 #[inline(always)]
-fn put<const G: usize>(block: &mut [f64], stride: usize, column: usize, tile: &Tile<G>) {
-    for (i, row) in tile.iter().enumerate() {
-        for (to, from) in groups_mut(&mut block[i * stride + column..]).iter_mut().zip(row) {
-            *to = from.to_array();
-        }
-    }
+fn transposed(tile: &Tile) -> Tile {
+    f64x4::transpose(tile.map(f64x4::new)).map(f64x4::to_array)
 }
 
-/// tile −= Σ_k U[k, first..]ᵀ U[k, column..] over the rows above.
+/// Σ_i factors_i · row i.
 #[inline(always)]
-fn subtract_above<const G: usize>(tile: &mut Tile<G>, above: &[f64], stride: usize, first: usize, column: usize) {
-    let mut sums = *tile;
-    for row in above.chunks_exact(stride) {
-        let left = groups(&row[first..first + LANES])[0];
-        let right = groups(&row[column..column + G * LANES]);
-        let right: [f64x4; G] = core::array::from_fn(|g| f64x4::new(right[g]));
+fn combination(factors: &[f64; LANES], tile: &Tile) -> f64x4 {
+    let row = |i: usize| f64x4::new(tile[i]);
+    let factor = factors.map(f64x4::splat);
+    let (first, second) = (row(0) * factor[0], row(2) * factor[2]);
+    row(1).mul_add(factor[1], first) + row(3).mul_add(factor[3], second)
+}
+
+/// Tiles side by side times a vector.
+#[inline(always)]
+fn products(tiles: &[Tile], x: &[[f64; LANES]]) -> f64x4 {
+    // Two sums for each row hide the latency of the addition.
+    let mut sums = [[f64x4::ZERO; LANES]; 2];
+    let (pairs, last) = tiles.as_chunks::<2>();
+    let (x_pairs, x_last) = x.as_chunks::<2>();
+    for (tiles, x) in pairs.iter().zip(x_pairs) {
+        for (sums, (tile, x)) in sums.iter_mut().zip(tiles.iter().zip(x)) {
+            let x = f64x4::new(*x);
+            for i in 0..LANES {
+                sums[i] = f64x4::new(tile[i]).mul_add(x, sums[i]);
+            }
+        }
+    }
+    for (tile, x) in last.iter().zip(x_last) {
+        let x = f64x4::new(*x);
         for i in 0..LANES {
-            let left = f64x4::splat(left[i]);
-            for g in 0..G {
-                sums[i][g] = left.mul_neg_add(right[g], sums[i][g]);
-            }
+            sums[0][i] = f64x4::new(tile[i]).mul_add(x, sums[0][i]);
         }
     }
-    *tile = sums;
-}
-
-/// tile ← U_dd⁻ᵀ tile, with the four by four diagonal block.
-#[inline(always)]
-fn substitute<const G: usize>(tile: &mut Tile<G>, diagonal: &[[f64; LANES]; LANES], inverse: &[f64; LANES]) {
-    for i in 0..LANES {
-        for g in 0..G {
-            tile[i][g] *= f64x4::splat(inverse[i]);
-        }
-        for k in i + 1..LANES {
-            for g in 0..G {
-                tile[k][g] = tile[i][g].mul_neg_add(f64x4::splat(diagonal[i][k]), tile[k][g]);
-            }
-        }
-    }
+    let [a, b, c, d] = f64x4::transpose(core::array::from_fn(|i| sums[0][i] + sums[1][i]));
+    (a + b) + (c + d)
 }
