@@ -10,9 +10,9 @@
 
 use wide::f64x4;
 
-use super::joints::array;
 use super::responses::Responses;
 use super::rows::MpcRows;
+use super::short::array;
 use super::{SLACK_CURVATURE, SLACK_UNIT};
 use crate::cost::Weights;
 use crate::model::Step;
@@ -156,7 +156,7 @@ impl<const N: usize, const K: usize, const M: usize> Spread<N, K, M> {
     #[inline(always)]
     fn new<const D: usize>(rows: &MpcRows<'_, N, D, M>, gradient: impl Fn(usize, usize) -> f64) -> Self {
         Self(core::array::from_fn(|joint| {
-            core::array::from_fn(|output| rows.by_joint[joint].map(|column| gradient(output, joint) * column))
+            core::array::from_fn(|output| rows.inputs.rows[joint].map(|column| gradient(output, joint) * column))
         }))
     }
 
@@ -315,7 +315,7 @@ fn write_joints<const N: usize, const D: usize, const M: usize>(
     for s in r..rows.horizon.steps().len() {
         let cost = entries(costs, s);
         for b in 0..M {
-            put(panel, s * M + b, &product(&cost, &rows.columns[b]));
+            put(panel, s * M + b, &product(&cost, &rows.inputs.columns[b]));
         }
     }
 }
@@ -351,7 +351,7 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
                     write_joints(rows, costs, r, joints);
                 }
                 for a in 0..M {
-                    let (index, column) = (r * M + a, &rows.columns[a]);
+                    let (index, column) = (r * M + a, &rows.inputs.columns[a]);
                     // With one input a step the products V V are factors of the costs themselves.
                     let cost = if M > 1 {
                         Terms::new(joints, index, *column)

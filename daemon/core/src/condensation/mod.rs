@@ -11,9 +11,9 @@
 #![allow(clippy::needless_range_loop, reason = "formulas index several arrays at once")]
 
 mod hessian;
-mod joints;
 mod responses;
 mod rows;
+mod short;
 mod trajectory;
 
 use nalgebra::{SMatrix, SVector};

@@ -3,7 +3,7 @@
 
 use core::ops::Range;
 
-use super::joints::{Joints, array, combine};
+use super::short::{Joints, Matrix, Short, array};
 use super::trajectory::FreeTrajectory;
 use super::{Prediction, SLACK_UNIT};
 use crate::constraints::{Interval, Layout, Row, RowKind};
@@ -20,19 +20,13 @@ pub struct MpcRows<'a, const N: usize, const D: usize, const M: usize> {
     /// Which row is which.
     pub layout: Layout,
     /// V: the columns of J⁻¹ that belong to inputs.
-    pub(super) columns: [[f64; N]; M],
-    /// Vᵀ.
-    pub(super) by_joint: [[f64; M]; N],
+    pub(super) inputs: Matrix<N, M>,
+    /// J.
+    pub(super) jacobian: Matrix<D, N>,
     /// s K_e J: a row for each axis with bounded force; zero behind them.
-    gradients: [[f64; N]; M],
-    /// (s K_e J)ᵀ.
-    gradients_by_joint: [[f64; M]; N],
+    gradients: Matrix<M, N>,
     /// Axes with bounded force.
     bounded: usize,
-}
-
-fn transposed<const A: usize, const B: usize>(rows: &[[f64; A]; B]) -> [[f64; B]; A] {
-    core::array::from_fn(|a| core::array::from_fn(|b| rows[b][a]))
 }
 
 /// 1 over the largest finite bound; 1 where there is none.
@@ -132,7 +126,7 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
         if inputs.len() != M || bounds.len() > M || prediction.wrench_axes.as_slice().len() > M {
             return None;
         }
-        let columns = core::array::from_fn(|a| model.jacobian_inverse.data.0[inputs[a]]);
+        let columns: [[f64; N]; M] = core::array::from_fn(|a| model.jacobian_inverse.data.0[inputs[a]]);
         let mut gradients = [[0.0; N]; M];
         for (gradient, bound) in gradients.iter_mut().zip(bounds) {
             *gradient = model.wrench_gradient.data.0[bound.axis].map(|value| value * bound.sign);
@@ -143,10 +137,9 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
             horizon,
             prediction,
             layout: Layout::new(&prediction.constraints, horizon, &prediction.inputs, softened),
-            by_joint: transposed(&columns),
-            columns,
-            gradients_by_joint: transposed(&gradients),
-            gradients,
+            inputs: Matrix::of_columns(columns),
+            jacobian: Matrix::of_columns(prediction.jacobian.data.0),
+            gradients: Matrix::of_rows(gradients),
             bounded: bounds.len(),
         })
     }
@@ -185,8 +178,8 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
 
     /// Adds Vᵀ r to the entries of step `step`.
     #[inline(always)]
-    pub(super) fn add_to_inputs(&self, step: usize, reference: &[f64; N], to: &mut [f64]) {
-        let sum = combine(&self.by_joint, reference);
+    fn add_to_inputs(&self, step: usize, reference: Short<N>, to: &mut [f64]) {
+        let sum = self.inputs.transposed_times(reference).array();
         if let Some(place) = to[self.inputs_of(step).start..].first_chunk_mut::<M>() {
             (0..M).for_each(|a| place[a] += sum[a]);
         }
@@ -199,8 +192,7 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
         let places = to[(h - step) * M..h * M].as_chunks_mut::<M>().0;
         // Variables stand in reversed time order: backward in time is forward among them.
         for (step, place) in self.horizon.steps()[..step].iter().rev().zip(places) {
-            let sum = combine(&self.by_joint, &costate.back(step));
-            (0..M).for_each(|a| place[a] += sum[a]);
+            *place = Short::new(place).plus(self.inputs.transposed_times(costate.back(step))).array();
         }
     }
 
@@ -264,17 +256,21 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
         let interval = Weighted::new(minimum, maximum);
         let points = self.horizon.force_points().iter().map(|point| {
             let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
-            let reference = array(&p.known_reference[point.step]);
-            let mut force =
-                combine(&self.gradients_by_joint, &free.joints_at(point.step).position_after(a, b, reference));
-            (0..M).for_each(|index| force[index] += offset[index]);
-            (force, interval)
+            let reference = Short::of(&p.known_reference[point.step]);
+            let force = self.gradients.times(free.joints_at(point.step).position_after(a, b, reference));
+            (force.plus(Short::new(&offset)).array(), interval)
         });
         bounds.put(self.rows(RowKind::Force), self.bounded, points);
         if p.slack_price.is_some() {
             bounds.put(self.rows(RowKind::Slack), 1, core::iter::once(([0.0], Weighted::new([0.0], [f64::INFINITY]))));
         }
     }
+}
+
+/// The rows of one instant from row `first` on.
+#[inline(always)]
+fn section<const K: usize>(values: &[f64], first: usize) -> Short<K> {
+    values[first..].first_chunk().map_or(Short::ZERO, Short::new)
 }
 
 impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, M> {
@@ -295,9 +291,9 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let (steps, mut joints, mut before) = (self.horizon.steps(), Joints::<N>::ZERO, [0.0; M]);
         let inputs = z[..M * steps.len()].as_chunks::<M>().0;
         for ((k, step), u) in steps.iter().enumerate().zip(inputs.iter().rev()) {
-            let reference = combine(&self.columns, u);
+            let reference = self.inputs.times(Short::new(u));
             if let Some(speed) = speed.next() {
-                *speed = reference;
+                *speed = reference.array();
             }
             if let Some(offset) = offset.next() {
                 *offset = *u;
@@ -308,17 +304,16 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
             }
             while let Some(point) = points.next_if(|point| point.step == k) {
                 let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
-                let pressing = combine(&self.gradients_by_joint, &joints.position_after(a, b, &reference));
-                let pressing = pressing.map(|pressing| pressing - slack);
+                let pressing = self.gradients.times(joints.position_after(a, b, reference));
                 if let Some(force) = force.next() {
-                    store(force, &pressing);
+                    store(force, &pressing.minus(Short::splat(slack)).array());
                 }
             }
-            joints.advance(step, &reference);
+            joints.advance(step, reference);
             if k >= delay
                 && let Some(position) = position.next()
             {
-                *position = joints.position;
+                *position = joints.position.array();
             }
         }
         if self.prediction.slack_price.is_some() {
@@ -344,7 +339,7 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         out[start..].fill(0.0);
         match kind {
             RowKind::JointSpeed => {
-                for (value, coefficient) in out[first..].iter_mut().zip(self.by_joint[component]) {
+                for (value, coefficient) in out[first..].iter_mut().zip(self.inputs.rows[component]) {
                     *value = coefficient;
                 }
             }
@@ -356,9 +351,9 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 }
             }
             RowKind::JointPosition => {
-                let mut costate = Joints::ZERO;
-                costate.position[component] = 1.0;
-                self.sweep(costate, instant + 1, out);
+                let mut position = [0.0; N];
+                position[component] = 1.0;
+                self.sweep(Joints { position: Short::new(&position), ..Joints::ZERO }, instant + 1, out);
             }
             RowKind::Force => {
                 let bounds = self.prediction.constraints.force.as_slice();
@@ -366,9 +361,9 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 let point = &self.horizon.force_points()[instant];
                 let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
                 let mut costate = Joints::ZERO;
-                let at_once = costate.seed(a, b, &self.gradients[index]);
+                let at_once = costate.seed(a, b, Short::new(&self.gradients.rows[index]));
                 if delay == 0 {
-                    self.add_to_inputs(point.step, &at_once, out);
+                    self.add_to_inputs(point.step, at_once, out);
                 }
                 self.sweep(costate, point.step, out);
                 if self.prediction.slack_price.is_some() {
@@ -387,23 +382,24 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let mut slack = 0.0;
         for (k, step) in self.horizon.steps().iter().enumerate().rev() {
             if let Some(row) = self.at(RowKind::JointPosition, k) {
-                (0..N).for_each(|i| costate.position[i] += multipliers[row + i]);
+                costate.position = costate.position.plus(section(multipliers, row));
             }
             let mut reference = costate.back(step);
             while instant > 0 && points[instant - 1].step == k {
                 instant -= 1;
                 let row = self.at(RowKind::Force, instant).unwrap_or(0);
-                let pushing = core::array::from_fn(|k| if k < self.bounded { multipliers[row + k] } else { 0.0 });
+                let pushing: [f64; M] =
+                    core::array::from_fn(|k| if k < self.bounded { multipliers[row + k] } else { 0.0 });
                 slack -= SLACK_UNIT * pushing.iter().sum::<f64>();
-                let position = combine(&self.gradients, &pushing);
+                let position = self.gradients.transposed_times(Short::new(&pushing));
                 let point = &points[instant];
-                let at_once = costate.seed(&point.position_by_velocity, &point.position_by_reference, &position);
-                (0..N).for_each(|i| reference[i] += at_once[i]);
+                let at_once = costate.seed(&point.position_by_velocity, &point.position_by_reference, position);
+                reference = reference.plus(at_once);
             }
             if let Some(row) = self.at(RowKind::JointSpeed, k) {
-                (0..N).for_each(|i| reference[i] += multipliers[row + i]);
+                reference = reference.plus(section(multipliers, row));
             }
-            self.add_to_inputs(k, &reference, out);
+            self.add_to_inputs(k, reference, out);
             let inputs = self.inputs_of(k);
             if let Some(row) = self.at(RowKind::Offset, k) {
                 out[inputs.clone()].iter_mut().zip(&multipliers[row..]).for_each(|(value, y)| *value += y);

@@ -1,8 +1,10 @@
 //! g, the gradient of the cost (18a) at zero input: the free trajectory forward, one adjoint sweep backward.
 
+use nalgebra::SVector;
+
 use super::SLACK_UNIT;
-use super::joints::{Joints, array, combine};
 use super::rows::MpcRows;
+use super::short::{Joints, Matrix, Short};
 use crate::cost::Weights;
 use crate::model::Step;
 
@@ -12,6 +14,11 @@ pub(super) struct FreeTrajectory<'a, const N: usize, const M: usize> {
     joints: &'a mut [[[f64; N]; 2]],
     /// By position among the wrench axes.
     wrench: &'a mut [[f64; M]],
+}
+
+#[inline(always)]
+fn joints_of<const N: usize>([position, velocity]: &[[f64; N]; 2]) -> Joints<N> {
+    Joints { position: Short::new(position), velocity: Short::new(velocity) }
 }
 
 /// Numbers in a trajectory.
@@ -30,8 +37,7 @@ impl<'a, const N: usize, const M: usize> FreeTrajectory<'a, N, M> {
     /// Joints at the start of step `step`, or at the end of the last.
     #[inline(always)]
     pub(super) fn joints_at(&self, step: usize) -> Joints<N> {
-        let [position, velocity] = self.joints[step];
-        Joints { position, velocity }
+        joints_of(&self.joints[step])
     }
 
     /// q at the end of every step.
@@ -40,56 +46,59 @@ impl<'a, const N: usize, const M: usize> FreeTrajectory<'a, N, M> {
     }
 }
 
-/// The constants of the wrench estimate for the axes that have one, in their order: K_e J by rows and by joint, offset.
+/// The constants of the wrench estimates for the axes that have one, in their order; of the others zero.
 struct Estimates<const N: usize, const M: usize> {
-    gradients: [[f64; N]; M],
-    by_joint: [[f64; M]; N],
-    offset: [f64; M],
-    set_point: [f64; M],
-    weight: [f64; M],
-    decay: [f64; M],
-    by_start: [f64; M],
-    by_end: [f64; M],
+    /// K_e J.
+    gradients: Matrix<M, N>,
+    offset: Short<M>,
+    set_point: Short<M>,
+    weight: Short<M>,
 }
 
 impl<const N: usize, const M: usize> Estimates<N, M> {
+    #[inline(always)]
     fn new<const D: usize>(rows: &MpcRows<'_, N, D, M>) -> Self {
         let (model, prediction) = (rows.model, rows.prediction);
         let (Weights::Joint { wrench, .. } | Weights::Task { wrench, .. }) = prediction.weights;
-        let mut estimates = Self {
-            gradients: [[0.0; N]; M],
-            by_joint: [[0.0; M]; N],
-            offset: [0.0; M],
-            set_point: [0.0; M],
-            weight: [0.0; M],
-            decay: [0.0; M],
-            by_start: [0.0; M],
-            by_end: [0.0; M],
-        };
-        for (index, &axis) in prediction.wrench_axes.as_slice().iter().enumerate() {
-            estimates.gradients[index] = model.wrench_gradient.data.0[axis];
-            (0..N).for_each(|joint| estimates.by_joint[joint][index] = estimates.gradients[index][joint]);
-            estimates.offset[index] = model.wrench_offset[axis];
-            estimates.set_point[index] = prediction.set_point.wrench[axis];
-            estimates.weight[index] = wrench[axis];
+        let axes = prediction.wrench_axes.as_slice();
+        let gradients =
+            core::array::from_fn(|index| axes.get(index).map_or([0.0; N], |&axis| model.wrench_gradient.data.0[axis]));
+        Self {
+            gradients: Matrix::of_rows(gradients),
+            offset: pick(axes, &model.wrench_offset),
+            set_point: pick(axes, &prediction.set_point.wrench),
+            weight: pick(axes, wrench),
         }
-        estimates
     }
 
     /// f_lin.
     #[inline(always)]
-    fn linear(&self, position: &[f64; N]) -> [f64; M] {
-        let force = combine(&self.by_joint, position);
-        core::array::from_fn(|index| force[index] + self.offset[index])
+    fn linear(&self, position: Short<N>) -> Short<M> {
+        self.gradients.times(position).plus(self.offset)
     }
+}
 
-    /// The filter's constants of one step.
+/// The numbers of these axes.
+#[inline(always)]
+fn pick<const D: usize, const M: usize>(axes: &[usize], by_axis: &SVector<f64, D>) -> Short<M> {
+    Short::new(&core::array::from_fn(|index| axes.get(index).map_or(0.0, |&axis| by_axis[axis])))
+}
+
+/// e, g, h of the wrench estimates in one step.
+#[derive(Clone, Copy)]
+struct Filter<const M: usize> {
+    decay: Short<M>,
+    by_start: Short<M>,
+    by_end: Short<M>,
+}
+
+impl<const M: usize> Filter<M> {
     #[inline(always)]
-    fn take_step<const D: usize>(&mut self, rows: &MpcRows<'_, N, D, M>, step: &Step<N, D>) {
-        for (index, &axis) in rows.prediction.wrench_axes.as_slice().iter().enumerate() {
-            self.decay[index] = step.wrench_decay[axis];
-            self.by_start[index] = step.wrench_by_start[axis];
-            self.by_end[index] = step.wrench_by_end[axis];
+    fn of<const N: usize, const D: usize>(axes: &[usize], step: &Step<N, D>) -> Self {
+        Self {
+            decay: pick(axes, &step.wrench_decay),
+            by_start: pick(axes, &step.wrench_by_start),
+            by_end: pick(axes, &step.wrench_by_end),
         }
     }
 }
@@ -103,32 +112,26 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     free: &mut FreeTrajectory<'_, N, M>,
 ) {
     let (prediction, is_even) = (rows.prediction, rows.horizon.is_even());
-    let steps = rows.horizon.steps();
-    let mut estimates = Estimates::new(rows);
-    estimates.take_step(rows, &steps[0]);
+    let (steps, axes) = (rows.horizon.steps(), prediction.wrench_axes.as_slice());
+    let estimates = Estimates::new(rows);
+    let mut filter = Filter::of(axes, &steps[0]);
     let initial = &prediction.initial;
-    let mut joints = Joints { position: *array(&initial.joint_position), velocity: *array(&initial.joint_velocity) };
-    let mut wrench = [0.0; M];
-    for (value, &axis) in wrench.iter_mut().zip(prediction.wrench_axes.as_slice()) {
-        *value = initial.wrench[axis];
-    }
-    let mut linear = estimates.linear(&joints.position);
-    free.joints[0] = [joints.position, joints.velocity];
+    let mut joints =
+        Joints { position: Short::of(&initial.joint_position), velocity: Short::of(&initial.joint_velocity) };
+    let mut wrench: Short<M> = pick(axes, &initial.wrench);
+    let mut linear = estimates.linear(joints.position);
+    free.joints[0] = [joints.position.array(), joints.velocity.array()];
     let places = free.joints[1..].iter_mut().zip(free.wrench.iter_mut());
     for ((step, reference), (joints_after, wrench_after)) in steps.iter().zip(prediction.known_reference).zip(places) {
         if !is_even {
-            estimates.take_step(rows, step);
+            filter = Filter::of(axes, step);
         }
-        joints.advance(step, array(reference));
-        let after = estimates.linear(&joints.position);
-        for index in 0..M {
-            wrench[index] = estimates.decay[index] * wrench[index]
-                + estimates.by_start[index] * linear[index]
-                + estimates.by_end[index] * after[index];
-        }
-        linear = after;
-        *joints_after = [joints.position, joints.velocity];
-        *wrench_after = wrench;
+        joints.advance(step, Short::of(reference));
+        let before = linear.times(filter.by_start);
+        linear = estimates.linear(joints.position);
+        wrench = wrench.times_plus(filter.decay, linear.times_plus(filter.by_end, before));
+        *joints_after = [joints.position.array(), joints.velocity.array()];
+        *wrench_after = wrench.array();
     }
     let n = M * steps.len();
     gradient[n..].fill(0.0);
@@ -136,24 +139,20 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
         gradient[n] = price * SLACK_UNIT;
     }
     let mut costate = Joints::<N>::ZERO;
-    let mut push = [0.0; M];
+    let mut push = Short::<M>::ZERO;
     // Variables stand in reversed time order: backward in time is forward in g.
     let backward = steps.iter().zip(&free.joints[1..]).zip(&*free.wrench).rev();
-    for (((step, &[position, velocity]), wrench), place) in backward.zip(gradient.as_chunks_mut::<M>().0) {
+    for (((step, joints), wrench), place) in backward.zip(gradient.as_chunks_mut::<M>().0) {
         if !is_even {
-            estimates.take_step(rows, step);
+            filter = Filter::of(axes, step);
         }
-        add_joint_cost(rows, &Joints { position, velocity }, &mut costate);
-        for index in 0..M {
-            push[index] += estimates.weight[index] * (wrench[index] - estimates.set_point[index]);
-        }
+        add_joint_cost(rows, &joints_of(joints), &mut costate);
+        push = Short::new(wrench).minus(estimates.set_point).times_plus(estimates.weight, push);
         // Sensitivity to q at the end of the step, through q itself and through f̂ there.
-        let at_end = combine(&estimates.gradients, &core::array::from_fn(|j| estimates.by_end[j] * push[j]));
-        (0..N).for_each(|i| costate.position[i] += at_end[i]);
-        *place = combine(&rows.by_joint, &costate.back(step));
-        let at_start = combine(&estimates.gradients, &core::array::from_fn(|j| estimates.by_start[j] * push[j]));
-        (0..N).for_each(|i| costate.position[i] += at_start[i]);
-        (0..M).for_each(|j| push[j] *= estimates.decay[j]);
+        costate.position = costate.position.plus(estimates.gradients.transposed_times(push.times(filter.by_end)));
+        *place = rows.inputs.transposed_times(costate.back(step)).array();
+        costate.position = costate.position.plus(estimates.gradients.transposed_times(push.times(filter.by_start)));
+        push = push.times(filter.decay);
     }
 }
 
@@ -165,28 +164,21 @@ fn add_joint_cost<const N: usize, const D: usize, const M: usize>(
     costate: &mut Joints<N>,
 ) {
     let set_point = &rows.prediction.set_point;
-    let (q0, v0) = (array(&set_point.joint_position), array(&set_point.joint_velocity));
-    let q: [f64; N] = core::array::from_fn(|i| joints.position[i] - q0[i]);
-    let v: [f64; N] = core::array::from_fn(|i| joints.velocity[i] - v0[i]);
+    let q = joints.position.minus(Short::of(&set_point.joint_position));
+    let v = joints.velocity.minus(Short::of(&set_point.joint_velocity));
     match rows.prediction.weights {
         Weights::Joint { position, velocity, .. } => {
-            let (position, velocity) = (array(position), array(velocity));
-            for i in 0..N {
-                costate.position[i] += position[i] * q[i];
-                costate.velocity[i] += velocity[i] * v[i];
-            }
+            costate.position = q.times_plus(Short::of(position), costate.position);
+            costate.velocity = v.times_plus(Short::of(velocity), costate.velocity);
         }
         Weights::Task { position, velocity, .. } => {
-            // Jᵀ W J; J by columns, one for each joint.
-            let columns = &rows.prediction.jacobian.data.0;
-            let (position, velocity) = (array(position), array(velocity));
-            let (dp, dv) = (combine(columns, &q), combine(columns, &v));
-            for i in 0..N {
-                for d in 0..D {
-                    costate.position[i] += columns[i][d] * position[d] * dp[d];
-                    costate.velocity[i] += columns[i][d] * velocity[d] * dv[d];
-                }
-            }
+            // Jᵀ W J.
+            let jacobian = &rows.jacobian;
+            let pushed = |x: Short<N>, weight: &SVector<f64, D>| {
+                jacobian.transposed_times(jacobian.times(x).times(Short::of(weight)))
+            };
+            costate.position = costate.position.plus(pushed(q, position));
+            costate.velocity = costate.velocity.plus(pushed(v, velocity));
         }
     }
 }
