@@ -146,6 +146,35 @@ fn any_guess_leads_to_the_same_answer() {
 }
 
 #[test]
+fn a_row_that_another_meets_exactly_does_not_cycle() {
+    // Both rows hold at (0, −1), the first without pushing: adding the second lets it go by a hair before the full step.
+    let mut problem = DenseQp::new(2, |i, j| if i == j { [0.1_f64.sqrt(), 1.0][i] } else { 0.0 }, |_| 0.0);
+    problem.push(&[-1.0, -1.0], 1.0, f64::INFINITY);
+    problem.push(&[0.0, -1.0], 1.0, f64::INFINITY);
+    assert_solution(&problem, &solve(&problem), &[0.0, -1.0]);
+    // The same at a minimum cut off by one row only.
+    let mut problem = towards(&[0.0, -1.0]);
+    problem.push(&[1.0, 3.0], 0.0, f64::INFINITY);
+    problem.push(&[0.0, -1.0], f64::NEG_INFINITY, 0.0);
+    assert_solution(&problem, &solve(&problem), &[0.0, 0.0]);
+    let mut problem = DenseQp::new(2, |i, j| if i == j { [1.0, 100.0][i] } else { 0.0 }, |i| [-2.0, 0.0][i]);
+    problem.push(&[1.0, 1.0], f64::NEG_INFINITY, 0.0);
+    problem.push(&[1.0, 0.0], f64::NEG_INFINITY, 0.0);
+    assert_solution(&problem, &solve(&problem), &[0.0, 0.0]);
+}
+
+#[test]
+fn a_row_that_does_not_push_does_not_pull() {
+    // The minimum without the other rows lies on the last: its multiplier is nothing but rounding, and of either sign.
+    let mut problem = DenseQp::new(3, |i, j| if i == j { [1.0, 0.001, 1.0][i] } else { 0.0 }, |i| [2.0, 0.0, 0.0][i]);
+    problem.push(&[1.0, 1.0, 1.0], f64::NEG_INFINITY, 18.0);
+    problem.push(&[0.0, 0.0, -1.0], 0.0, f64::INFINITY);
+    problem.push(&[1.0, 0.0, 0.0], 0.0, f64::INFINITY);
+    let plea = solve_from(&problem, vec![RowState::Upper, RowState::Lower, RowState::Lower]);
+    assert_solution(&problem, &plea, &[0.0, 0.0, 0.0]);
+}
+
+#[test]
 fn a_contradiction_is_proven_with_its_size() {
     // z0 ≤ 1 and z0 ≥ 2 cannot both be met: some row is violated by 0.5 at the least.
     let mut problem = towards(&[0.0, 0.0]);

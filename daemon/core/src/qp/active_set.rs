@@ -31,7 +31,7 @@ use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState};
 const FEASIBLE: f64 = 1e-10;
 /// Part of the worst violation from which on others are added before all rows are looked at again.
 const CLOSE_TO_WORST: f64 = 0.03;
-/// Multiplier below zero, relative to the largest, that counts as zero.
+/// Multiplier times length of its normal, relative to the largest, that counts as zero.
 const ZERO_MULTIPLIER: f64 = 1e-12;
 
 /// The largest problem that an [`ActiveSet`] solves.
@@ -184,7 +184,8 @@ impl Run<'_, '_> {
         for member in &self.working.members[..self.working.len] {
             let row = usize::from(member.row);
             answer.working[row] = member.side;
-            answer.multipliers[row] = signed(member.side, member.multiplier);
+            // One that counts as zero must not seem to push at the other bound.
+            answer.multipliers[row] = signed(member.side, member.multiplier.max(0.0));
         }
         Ok(())
     }
@@ -225,11 +226,12 @@ impl Run<'_, '_> {
         loop {
             self.working.nearest(self.y0, self.y, self.d);
             let members = &self.working.members[..self.working.len];
-            let largest = members.iter().fold(0.0_f64, |largest, member| largest.max(member.multiplier.abs()));
+            let push = |member: &Member| member.multiplier * member.length;
+            let largest = members.iter().fold(0.0_f64, |largest, member| largest.max(push(member).abs()));
             let mut worst = (-ZERO_MULTIPLIER * largest, None);
             for (index, member) in members.iter().enumerate() {
-                if member.multiplier < worst.0 {
-                    worst = (member.multiplier, Some(index));
+                if push(member) < worst.0 {
+                    worst = (push(member), Some(index));
                 }
             }
             let Some(index) = worst.1 else { return Ok(()) };
@@ -314,11 +316,11 @@ impl Run<'_, '_> {
             let start = self.normal(row, side);
             let violation = bound - dot(&self.c[start..], &self.y[start..]);
             if violation < small_enough {
-                // Another row has met it as well; or letting others go has. (What it pushed meanwhile is put right when W is
-                // next taken afresh.)
-                return Ok(member.multiplier > 0.0);
+                // Another row has met it as well.
+                return Ok(false);
             }
-            small_enough = FEASIBLE / weight;
+            // Once it has pushed it belongs to W, even where letting others go has met it: without it W would not hold y.
+            small_enough = f64::NEG_INFINITY;
             if !violation.is_finite() {
                 return Err(Ended::Failed);
             }
@@ -331,15 +333,20 @@ impl Run<'_, '_> {
             let fall = &mut self.fall[..len];
             fall.copy_from_slice(&self.d[..len]);
             self.working.solve(fall);
-            let largest = fall.iter().fold(0.0_f64, |largest, fall| largest.max(fall.abs()));
+            let pairs = || self.working.members[..len].iter().zip(fall.iter());
+            let largest = pairs().fold(0.0_f64, |largest, (member, fall)| largest.max(fall.abs() * member.length));
             let mut blocking = (full, None);
-            for (index, (member, fall)) in self.working.members[..len].iter().zip(fall.iter()).enumerate() {
-                if *fall > ZERO_MULTIPLIER * largest && member.multiplier < blocking.0 * fall {
+            for (index, (member, fall)) in pairs().enumerate() {
+                if fall * member.length > ZERO_MULTIPLIER * largest && member.multiplier < blocking.0 * fall {
                     blocking = (member.multiplier / fall, Some(index));
                 }
             }
             let (step, blocked_by) = blocking;
             if step.is_infinite() {
+                if violation <= FEASIBLE / weight {
+                    // Met by letting others go, and dependent by rounding on those that are left: no contradiction.
+                    return Ok(true);
+                }
                 self.certify(&member, answer);
                 return Err(Ended::Infeasible);
             }

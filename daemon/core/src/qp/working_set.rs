@@ -18,12 +18,14 @@ pub(super) struct Member {
     pub bound: f64,
     /// λ ≥ 0.
     pub multiplier: f64,
+    /// ‖c‖: λ ‖c‖ is comparable between rows of different units.
+    pub length: f64,
     /// Columns before this one are zero in this column of Q.
     start: usize,
 }
 
 impl Member {
-    const NONE: Self = Self { row: 0, side: RowState::Inactive, bound: 0.0, multiplier: 0.0, start: 0 };
+    const NONE: Self = Self { row: 0, side: RowState::Inactive, bound: 0.0, multiplier: 0.0, length: 0.0, start: 0 };
 
     pub(super) fn new(row: usize, side: RowState, bound: f64) -> Self {
         Self { row: row as u16, side, bound, ..Self::NONE }
@@ -33,6 +35,8 @@ impl Member {
 /// How a new normal c stands to W, from [`WorkingSet::project`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Projection {
+    /// ‖c‖².
+    pub whole: f64,
     /// ‖c − Q Qᵀ c‖².
     pub rest: f64,
     /// Whether c is a combination of the normals in W.
@@ -74,7 +78,7 @@ impl WorkingSet<'_> {
             last = rest;
         }
         let dependent = rest <= before * (DEPENDENT * DEPENDENT) || rest.is_nan();
-        Projection { rest, dependent, start }
+        Projection { whole: before, rest, dependent, start }
     }
 
     fn take_away(&self, c: &mut [f64], d: &mut [f64], start: usize) {
@@ -99,6 +103,7 @@ impl WorkingSet<'_> {
     /// Appends a member whose normal has been projected: `c` is what is left of it, `d` its part within W.
     pub(super) fn push(&mut self, member: Member, projection: &Projection, c: &[f64], d: &[f64]) {
         let length = libm::sqrt(projection.rest);
+        let member = Member { length: libm::sqrt(projection.whole), start: projection.start, ..member };
         let at = self.len * self.stride;
         let inverse = 1.0 / length;
         for (q, c) in self.q[at..at + self.stride].iter_mut().zip(c) {
@@ -106,7 +111,7 @@ impl WorkingSet<'_> {
         }
         self.r[at..at + self.len].copy_from_slice(&d[..self.len]);
         self.r[at + self.len] = length;
-        self.members[self.len] = Member { start: projection.start, ..member };
+        self.members[self.len] = member;
         self.len += 1;
     }
 
