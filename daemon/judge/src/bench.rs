@@ -1,6 +1,6 @@
 //! How fast the solver is, beside Clarabel in the same run: condensation and solve of every problem of a file, over and
-//! over, against data update and solve in the form and with the setting that suit Clarabel best. Sequences of both take turns, so that what else
-//! the machine does meets both.
+//! over, against data update and solve in the form and with the setting that suit Clarabel best. Sequences of both take
+//! turns, so that what else the machine does meets both.
 
 use std::time::Instant;
 
@@ -59,6 +59,8 @@ pub struct Figures {
     /// Data update and solve by Clarabel, in the form and with the setting that is fastest at the median of those that solve
     /// most problems.
     pub clarabel_us: Percentiles,
+    /// That form and setting.
+    pub clarabel_form: Option<Setting>,
     /// Median of Clarabel over the warm median.
     pub ratio: f64,
     /// Most iterations of a warm solve.
@@ -67,12 +69,11 @@ pub struct Figures {
 
 /// Times a file.
 pub fn bench(name: &str, file: &ProblemFile) -> Figures {
-    file.run(Bench { name, file })
+    file.run(Bench { name })
 }
 
 struct Bench<'a> {
     name: &'a str,
-    file: &'a ProblemFile,
 }
 
 fn microseconds(start: Instant) -> f64 {
@@ -83,34 +84,67 @@ impl Task for Bench<'_> {
     type Output = Figures;
 
     fn run<const N: usize, const M: usize>(self, sequence: &Sequence<N, M>) -> Figures {
-        let sparse: Vec<Form> = self.file.records.iter().map(|record| Form::sparse(self.file, record)).collect();
-        bench_sequence(self.name, sequence, &sparse)
+        bench_sequence(self.name, sequence)
     }
 }
 
-/// Clarabel on all problems of a sequence, in one form and with one setting.
-struct Candidate<'a> {
-    forms: &'a [Form],
+/// A form of the problem for Clarabel, with or without equilibration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Setting {
+    /// [`Form::sparse`], equilibrated.
+    SparseEquilibrated,
+    /// [`Form::sparse`].
+    Sparse,
+    /// [`Form::condensed`], equilibrated.
+    CondensedEquilibrated,
+    /// [`Form::condensed`].
+    Condensed,
+}
+
+impl Setting {
+    /// All there are.
+    pub const ALL: [Self; 4] = [Self::SparseEquilibrated, Self::Sparse, Self::CondensedEquilibrated, Self::Condensed];
+}
+
+/// Clarabel on all problems of a sequence.
+#[derive(Debug)]
+pub struct Opponent {
+    setting: Setting,
+    forms: Vec<Form>,
     prepared: Vec<(Vec<f64>, Vec<f64>)>,
     instance: Instance,
     durations: Vec<f64>,
     failures: usize,
 }
 
-impl<'a> Candidate<'a> {
-    fn new(forms: &'a [Form], equilibrate: bool) -> Option<Self> {
-        let instance = Instance::with_equilibration(forms.first()?, equilibrate);
+impl Opponent {
+    /// Set up for a sequence; `None` when it is empty.
+    pub fn new<const N: usize, const M: usize>(sequence: &Sequence<N, M>, setting: Setting) -> Option<Self> {
+        let all = 0..sequence.problems.len();
+        let forms: Vec<Form> = match setting {
+            Setting::SparseEquilibrated | Setting::Sparse => all.map(|index| Form::sparse(sequence, index)).collect(),
+            Setting::CondensedEquilibrated | Setting::Condensed => {
+                let mut runner = Runner::new(sequence);
+                all.map(|index| Form::condensed(&mut runner, sequence, index)).collect()
+            }
+        };
+        let equilibrate = matches!(setting, Setting::SparseEquilibrated | Setting::CondensedEquilibrated);
+        let instance = Instance::new(forms.first()?, equilibrate);
         let prepared = forms.iter().map(|form| instance.prepare(form)).collect();
-        Some(Self { forms, prepared, instance, durations: Vec::new(), failures: 0 })
+        Some(Self { setting, forms, prepared, instance, durations: Vec::new(), failures: 0 })
     }
 
-    fn solve_all(&mut self) {
+    /// Updates the data and solves, one problem after the other; how many it solves.
+    pub fn solve_all(&mut self) -> usize {
+        let before = self.failures;
         for (form, values) in self.forms.iter().zip(&self.prepared) {
             let begin = Instant::now();
             let is_solved = self.instance.solve(form, values);
             self.durations.push(microseconds(begin));
             self.failures += usize::from(!is_solved);
         }
+        self.forms.len() - (self.failures - before)
     }
 
     /// Failures and median, µs.
@@ -124,20 +158,13 @@ fn better(a: &(usize, f64), b: &(usize, f64)) -> std::cmp::Ordering {
     a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
 }
 
-/// Times a sequence. `sparse` are its problems with states and inputs as variables, or nothing where there are none: then
-/// Clarabel has the condensed form only.
-pub fn bench_sequence<const N: usize, const M: usize>(
-    name: &str,
-    sequence: &Sequence<N, M>,
-    sparse: &[Form],
-) -> Figures {
+/// Times a sequence.
+pub fn bench_sequence<const N: usize, const M: usize>(name: &str, sequence: &Sequence<N, M>) -> Figures {
     let mut runner = Runner::new(sequence);
     let problems = sequence.problems.len();
     let mut max_deviation = 0.0_f64;
-    let condensed: Vec<Form> = (0..problems).map(|i| Form::condensed(&mut runner, sequence, i)).collect();
-    let settings = [(sparse, true), (sparse, false), (&condensed, true), (&condensed, false)];
-    let mut candidates: Vec<Candidate<'_>> =
-        settings.into_iter().filter_map(|(forms, equilibrate)| Candidate::new(forms, equilibrate)).collect();
+    let mut candidates: Vec<Opponent> =
+        Setting::ALL.iter().filter_map(|setting| Opponent::new(sequence, *setting)).collect();
     let (mut warm, mut cold, mut iterations_max) = (Vec::new(), Vec::new(), 0);
     let repetitions = SOLVES.div_ceil(problems);
     for repetition in 0..repetitions {
@@ -153,9 +180,11 @@ pub fn bench_sequence<const N: usize, const M: usize>(
             }
         }
         if repetition % (repetitions / CLARABEL_SEQUENCES).max(1) == 0 {
-            candidates.iter_mut().for_each(Candidate::solve_all);
+            for candidate in &mut candidates {
+                candidate.solve_all();
+            }
             // What fails more often or takes far longer than the best is not looked at again.
-            if let Some((failures, median)) = candidates.iter().map(Candidate::merit).min_by(better) {
+            if let Some((failures, median)) = candidates.iter().map(Opponent::merit).min_by(better) {
                 candidates.retain(|candidate| {
                     let merit = candidate.merit();
                     merit.0 == failures && merit.1 <= HOPELESS * median
@@ -171,7 +200,9 @@ pub fn bench_sequence<const N: usize, const M: usize>(
     }
     let warm_us = Percentiles::of(warm);
     let best = candidates.into_iter().min_by(|a, b| better(&a.merit(), &b.merit()));
-    let clarabel_us = Percentiles::of(best.map_or_else(Vec::new, |candidate| candidate.durations));
+    let clarabel_form = best.as_ref().map(|best| best.setting);
+    let durations = best.map_or_else(Vec::new, |best| best.durations);
+    let clarabel_us = Percentiles::of(durations);
     Figures {
         file: name.to_owned(),
         problems,
@@ -179,6 +210,7 @@ pub fn bench_sequence<const N: usize, const M: usize>(
         warm_us,
         cold_us: Percentiles::of(cold),
         clarabel_us,
+        clarabel_form,
         ratio: (clarabel_us.p50 / warm_us.p50 * 10.0).round() / 10.0,
         iterations_max,
     }

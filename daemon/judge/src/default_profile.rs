@@ -1,7 +1,8 @@
 //! Sequences of the shape that the `default` profile gives its problems: uneven steps, the force bounded inside the first
 //! of them too, limits of joint speeds, joint positions and of the rate of the offset, task-space weights on the velocity,
 //! an input on every admittance axis. Each is a simulated approach that meets the surface on the way, closed by the
-//! solver's own first input; from a seed, and the same for the same seed.
+//! solver's own first input; from a seed, and the same for the same seed. Limits of speed, position and rate are such that
+//! every kind of row acts: they follow from what the same approach does without them.
 
 use admittance_core::condensation::InputAxes;
 use admittance_core::constraints::{AxisBound, Constraints, ForceBounds, Interval};
@@ -40,11 +41,17 @@ const MINIMUM_FORCE: f64 = 6.0;
 const FAR: f64 = 1e5;
 /// Axes with a smaller component of the normal have no lower bound.
 const LEAST_NORMAL_COMPONENT: f64 = 0.1;
-/// Limit of joint speeds, rad/s.
-const JOINT_SPEED: f64 = 1.0;
-/// Room of each joint to either side of where it starts, rad.
+/// Room of each joint to either side of where it starts, rad: no approach gets that far.
 const JOINT_ROOM: f64 = 0.2;
-/// Limit of the offset's rate: m/s² and rad/s².
+/// Limit of joint speeds, rad/s, that no approach meets.
+const JOINT_SPEED: f64 = 10.0;
+/// Least limit of joint speeds, relative to the fastest commanded one: the approach itself is never in its way.
+const LEAST_SPEED: f64 = 1.02;
+/// Largest limit of joint speeds, relative to the fastest one that is planned without a limit.
+const MOST_SPEED: f64 = 0.85;
+/// Problems of the approach without limits that go beyond the limits.
+const BEYOND: usize = 16;
+/// Largest limit of the offset's rate: m/s² and rad/s².
 const RATE: f64 = 60.0;
 
 /// Factor of the speed where an impact was too fast.
@@ -110,8 +117,7 @@ pub fn planar(sampling_time: f64, seed: u64) -> Result<Sequence<2, 2>, Generatio
         velocity_time_constant: SVector::from([0.015, 0.010]),
         normal: Vector3::new(angle.sin(), angle.cos(), 0.0),
         sampling_time,
-        // A slow cycle is late at the impact: it meets the surface more slowly.
-        speed: between(0.15, 0.25) * (0.001 / sampling_time).sqrt(),
+        speed: between(0.15, 0.25),
         tangential_speed: between(0.02, 0.08),
         impact: between(20.0, 30.0),
     })
@@ -196,19 +202,90 @@ fn force_bounds<const N: usize, const M: usize>(normal: &SVector<f64, N>, felt: 
     bounds
 }
 
+/// What [`BEYOND`] of the values, one a problem, exceed, and the largest of them.
+fn reached(mut values: Vec<f64>) -> (f64, f64) {
+    values.sort_by(|a, b| b.total_cmp(a));
+    (values[BEYOND], values[0])
+}
+
+/// Limits that depend on the approach.
+#[derive(Debug, Clone, Copy)]
+struct Limits<const N: usize> {
+    /// Of the offset's rate on every axis, m/s² and rad/s².
+    rate: f64,
+    /// Of every joint's speed, rad/s.
+    speed: f64,
+    /// Of the joints' positions, rad.
+    position: Interval<N>,
+}
+
+impl<const N: usize> Limits<N> {
+    /// So wide that no approach meets them.
+    fn wide(start: &SVector<f64, N>) -> Self {
+        let room = SVector::repeat(JOINT_ROOM);
+        Self { rate: RATE, speed: JOINT_SPEED, position: Interval { lower: start - room, upper: start + room } }
+    }
+
+    /// Limits that an approach meets, from what it does without: speed and rate when it retreats at the impact, the
+    /// position of one joint when it slides.
+    fn met_by<const M: usize>(free: &Sequence<N, M>, start: &SVector<f64, N>) -> Self {
+        let mut limits = Self::wide(start);
+        let (mut commanded, mut speeds, mut rates) = (0.0_f64, Vec::new(), Vec::new());
+        for problem in &free.problems {
+            let known = &problem.known_reference[0];
+            let (mut speed, mut rate) = (0.0_f64, 0.0_f64);
+            let (mut before, mut since) = (problem.previous_input, free.horizon.steps()[0].duration);
+            for (inputs, step) in problem.solution.chunks_exact(M).zip(free.horizon.steps()) {
+                let input = SVector::from_fn(|axis, _| if axis < M { inputs[axis] } else { 0.0 });
+                speed = speed.max((known + problem.model.jacobian_inverse * input).amax());
+                rate = rate.max((input - before).amax() / since);
+                (before, since) = (input, step.duration);
+            }
+            commanded = commanded.max(known.amax());
+            speeds.push(speed);
+            rates.push(rate);
+        }
+        limits.rate = reached(rates).0;
+        let (beyond, most) = reached(speeds);
+        limits.speed = beyond.min(MOST_SPEED * most).max(LEAST_SPEED * commanded);
+        // One joint, one side: where the inputs have most to hold back.
+        let mut most_held = 0.0;
+        for (joint, sign) in (0..N).flat_map(|joint| [(joint, 1.0), (joint, -1.0)]) {
+            let away = |problem: &Problem<N>| sign * (problem.initial.joint_position[joint] - start[joint]);
+            let (beyond, most) = reached(free.problems.iter().map(away).collect());
+            let inverse = &free.problems[0].model.jacobian_inverse;
+            let held = (most - beyond) * (0..M).map(|axis| inverse[(joint, axis)].abs()).fold(0.0, f64::max);
+            if held > most_held && beyond > 0.0 {
+                most_held = held;
+                limits.position = Self::wide(start).position;
+                let bounds = if sign > 0.0 { &mut limits.position.upper } else { &mut limits.position.lower };
+                bounds[joint] = start[joint] + sign * beyond;
+            }
+        }
+        limits
+    }
+}
+
 /// The fastest approach, slowed down from the given one, whose impact can be held within the limits: the hardest for a
 /// solver.
 fn generate<const N: usize, const M: usize>(mut approach: Approach<N>) -> Result<Sequence<N, M>, GenerationError> {
+    let attempt = |approach: &Approach<N>| {
+        let free = approach_surface::<N, M>(approach, &Limits::wide(&approach.start))?;
+        approach_surface(approach, &Limits::met_by(&free, &approach.start))
+    };
     for _ in 1..ATTEMPTS {
-        match approach_surface(&approach) {
+        match attempt(&approach) {
             Err(GenerationError::Unsolved { outcome: QpOutcome::Infeasible { .. }, .. }) => approach.speed *= SLOWER,
             answer => return answer,
         }
     }
-    approach_surface(&approach)
+    attempt(&approach)
 }
 
-fn approach_surface<const N: usize, const M: usize>(approach: &Approach<N>) -> Result<Sequence<N, M>, GenerationError> {
+fn approach_surface<const N: usize, const M: usize>(
+    approach: &Approach<N>,
+    limits: &Limits<N>,
+) -> Result<Sequence<N, M>, GenerationError> {
     let mut sequence = empty_sequence::<N, M>(approach);
     let mut runner = Runner::new(&sequence);
     let step = Discretization::Euler.step(
@@ -243,19 +320,17 @@ fn approach_surface<const N: usize, const M: usize>(approach: &Approach<N>) -> R
         let pressing = environment.pressing_force(&model.linear_wrench(&x.joint_position));
         felt |= environment.pressing_force(&x.wrench) > FELT;
         pressed |= pressing > 2.0 * MINIMUM_FORCE && felt;
-        let room = SVector::repeat(JOINT_ROOM);
-        let around =
-            |centre: SVector<f64, N>, room: SVector<f64, N>| Interval { lower: centre - room, upper: centre + room };
+        let within = |room: f64| Interval { lower: SVector::repeat(-room), upper: SVector::repeat(room) };
         let problem = |force| Problem {
             model,
             initial: x,
             known_reference: vec![commanded; STEPS.len()],
             constraints: Constraints {
                 force,
-                joint_speed: Some(around(SVector::zeros(), SVector::repeat(JOINT_SPEED))),
-                joint_position: Some(around(approach.start, room)),
+                joint_speed: Some(within(limits.speed)),
+                joint_position: Some(limits.position),
                 offset: None,
-                rate: Some(around(SVector::zeros(), SVector::repeat(RATE))),
+                rate: Some(within(limits.rate)),
             },
             set_point: SetPoint { joint_position: q0, joint_velocity: commanded, wrench: SVector::zeros() },
             jacobian,

@@ -1,10 +1,12 @@
-//! The judge: Clarabel at a tolerance of 1e-10, on the same problem.
+//! The judge: Clarabel at a tolerance of 1e-10, on the same problem; where it goes on disagreeing at finer ones, [`exact`]
+//! decides.
 
 use admittance_core::qp::{ActiveSet, Answer, Qp, QpOutcome, QpSolver, SolverCapacity, certificate_gap, kkt_residual};
 use admittance_core::qp::{RowState, padded};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 
+use crate::exact;
 use crate::random_qp::DenseQp;
 
 /// Tolerance of the judge.
@@ -13,6 +15,8 @@ const TOLERANCE: f64 = 1e-10;
 const APPEAL_TOLERANCES: [f64; 3] = [1e-12, 1e-13, 1e-14];
 /// Largest difference of two solutions, relative to the larger of 1 and the solution.
 const SOLUTION: f64 = 1e-7;
+/// Largest difference from the exact solution, likewise, of an answer that the judge does not share.
+const PROVEN: f64 = 1e-9;
 /// Largest KKT residual of an answer.
 const RESIDUAL: f64 = 1e-9;
 /// |z_i| that a certificate of infeasibility has to hold for.
@@ -29,6 +33,8 @@ pub struct Tally {
     pub infeasible: usize,
     /// Solved by both, but alike only after the judge has looked again at a finer tolerance.
     pub appeals: usize,
+    /// Clarabel's answer remains different, and the solver's is the exact one: Clarabel is off.
+    pub judge_off: usize,
     /// Clarabel could not say at its tolerance.
     pub excluded: usize,
     /// Most iterations.
@@ -197,14 +203,10 @@ impl Defendant {
                     };
                     let mut most = difference(&expected);
                     // A gap of 1e-10 leaves a badly scaled solution open by more than that: the judge looks again.
-                    let mut is_heard = true;
                     if most > SOLUTION {
                         tally.appeals += 1;
                         for tolerance in APPEAL_TOLERANCES {
-                            let Sentence::Solved(expected) = judge(&problem, tolerance) else {
-                                is_heard = false;
-                                break;
-                            };
+                            let Sentence::Solved(expected) = judge(&problem, tolerance) else { break };
                             most = difference(&expected);
                             if most <= SOLUTION {
                                 break;
@@ -213,10 +215,16 @@ impl Defendant {
                     }
                     if most <= SOLUTION {
                         tally.solved += 1;
-                    } else if !is_heard {
-                        tally.excluded += 1;
-                    } else {
-                        disagree(format!("solutions differ by {most:.1e} of their size"));
+                        continue;
+                    }
+                    // The judge can be wrong, but that has to be proved: the solver's working set must be that of the exact
+                    // solution, and its answer much closer to that than to the judge's.
+                    match exact::solution(&problem, &cold.working).map(|exact| difference(&exact)) {
+                        Some(off) if off <= PROVEN => tally.judge_off += 1,
+                        Some(off) => {
+                            disagree(format!("off by {off:.1e} of the exact solution, {most:.1e} of the judge's"))
+                        }
+                        None => disagree(format!("solutions differ by {most:.1e} of their size, and no proof")),
                     }
                 }
                 (Sentence::Infeasible, false) => tally.infeasible += 1,

@@ -1,6 +1,6 @@
 //! What solvers are checked and timed with: problem files with exact solutions ([`problem_file`]), random problems
 //! ([`random_qp`]), and Clarabel, an interior-point method that shares nothing with the solver in the core, as the judge
-//! ([`judge`]) and as the measure of speed ([`bench`]).
+//! ([`judge`]) and as the measure of speed ([`bench`]). Where Clarabel is too coarse, double-double arithmetic decides ([`exact`]).
 //!
 //! # Fuzzing
 //! [`fuzzing`] makes small degenerate problems from bytes and checks the answers. `cargo test` replays the corpus and some
@@ -19,6 +19,7 @@
 pub mod bench;
 pub mod clarabel_forms;
 pub mod default_profile;
+pub mod exact;
 pub mod fuzzing;
 pub mod judge;
 pub mod problem_file;

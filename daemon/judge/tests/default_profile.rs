@@ -11,12 +11,18 @@ const SEEDS: u64 = 4;
 /// Largest deviation from Clarabel at its own tolerance of 1e-8, m/s.
 const CLARABEL_DEVIATION: f64 = 3e-4;
 
+/// Kinds of rows that act in every sequence.
+const KINDS: [RowKind; 4] = [RowKind::Force, RowKind::Rate, RowKind::JointSpeed, RowKind::JointPosition];
+/// In how many problems of it, at the least.
+const PROBLEMS_WITH: usize = 5;
+
 /// Solves a sequence warm; the number of problems in which a force holds the arm back, and the most iterations.
 fn check<const N: usize, const M: usize>(name: &str, sequence: &Sequence<N, M>) {
     assert_eq!(sequence.problems.len(), PROBLEMS);
     let mut runner = Runner::new(sequence);
     let (mut most, mut at_limit, mut worst, mut total) = (0, Vec::new(), 0.0_f64, 0);
     let mut rows_per_kind = Vec::new();
+    let mut problems_with = KINDS.map(|kind| (kind, 0));
     for index in 0..PROBLEMS {
         let (outcome, deviation, residual) = runner.deviation(sequence, index, Start::Warm);
         assert!(matches!(outcome, QpOutcome::Solved { .. }), "{name} {index}: {outcome:?}");
@@ -32,6 +38,9 @@ fn check<const N: usize, const M: usize>(name: &str, sequence: &Sequence<N, M>) 
         });
         if active.0.contains(&RowKind::Force) {
             at_limit.push(index);
+        }
+        for (kind, count) in &mut problems_with {
+            *count += usize::from(active.0.contains(kind));
         }
         rows_per_kind.extend(active.0);
         if index == 0 {
@@ -51,6 +60,10 @@ fn check<const N: usize, const M: usize>(name: &str, sequence: &Sequence<N, M>) 
         count(RowKind::JointPosition),
         f64::from(total) / PROBLEMS as f64,
     );
+    println!("{name}: problems with active rows {problems_with:?}");
+    for (kind, count) in problems_with {
+        assert!(count >= PROBLEMS_WITH, "{name}: {kind:?} rows are active in {count} problems");
+    }
     assert!(at_limit.first().is_some_and(|first| *first > 5), "{name}: the impact is inside, {at_limit:?}");
 }
 
@@ -89,7 +102,7 @@ fn a_seed_gives_one_sequence() {
 fn compare<const N: usize, const M: usize>(name: &str, sequence: &Sequence<N, M>) {
     let mut runner = Runner::new(sequence);
     let forms: Vec<Form> = (0..PROBLEMS).map(|index| Form::condensed(&mut runner, sequence, index)).collect();
-    let mut instance = Instance::new(&forms[0]);
+    let mut instance = Instance::new(&forms[0], true);
     let (mut worst, mut unsolved) = (0.0_f64, 0);
     for (index, form) in forms.iter().enumerate() {
         let values = instance.prepare(form);

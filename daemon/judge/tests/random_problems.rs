@@ -18,10 +18,10 @@ fn random_problems_are_judged_alike() {
     let sum = |count: fn(&Tally) -> usize| tallies.iter().map(count).sum::<usize>();
     let (solved, infeasible, excluded) = (sum(|t| t.solved), sum(|t| t.infeasible), sum(|t| t.excluded));
     let iterations = tallies.iter().map(|tally| tally.most_iterations).max().unwrap_or(0);
-    let appeals = sum(|t| t.appeals);
+    let (appeals, judge_off) = (sum(|t| t.appeals), sum(|t| t.judge_off));
     println!(
-        "{solved} solved ({appeals} after a second look), {infeasible} infeasible, {excluded} excluded, \
-         at most {iterations} iterations"
+        "{solved} solved, {judge_off} Clarabel off ({appeals} of both after a second look), {infeasible} infeasible, \
+         {excluded} excluded, at most {iterations} iterations"
     );
     let disagreements: Vec<_> = tallies.iter().flat_map(|tally| &tally.disagreements).collect();
     assert!(
@@ -30,6 +30,7 @@ fn random_problems_are_judged_alike() {
         disagreements.len(),
         &disagreements[..disagreements.len().min(20)]
     );
-    // The problems must be of every kind, and the judge able to say something.
+    // The problems must be of every kind, and the judge able to say something and seldom off.
+    assert!(judge_off as u64 * 1000 <= problems, "Clarabel off in {judge_off}");
     assert!(solved as u64 * 2 > problems && infeasible as u64 * 20 > problems && excluded as u64 * 20 < problems);
 }
