@@ -16,7 +16,7 @@ use super::short::array;
 use super::{SLACK_CURVATURE, SLACK_UNIT};
 use crate::cost::Weights;
 use crate::model::Step;
-use crate::qp::LANES;
+use crate::qp::{LANES, padded};
 
 /// Some columns of one row.
 type Group = [f64; LANES];
@@ -24,9 +24,11 @@ type Group = [f64; LANES];
 /// Most groups of columns.
 const MAX_GROUPS: usize = crate::qp::MAX_VARIABLES.div_ceil(LANES);
 
-/// Rows of all panels together: wrench estimates and f_lin, then joints, or TCP velocities and positions.
-pub(super) const fn panel_rows<const N: usize, const D: usize>() -> usize {
-    2 * D + if N > 2 * D { N } else { 2 * D }
+/// Numbers in all panels together: wrench estimates and f_lin, then joints, or TCP velocities and positions.
+pub(super) const fn panels_len<const N: usize, const D: usize>(steps: usize) -> usize {
+    let rows = 2 * D + if N > 2 * D { N } else { 2 * D };
+    // Columns are padded to whole groups of steps, and there is the slack.
+    rows * (D * padded(steps) + LANES)
 }
 
 /// A panel of K outputs at the start of `storage`, and what is left of that.
@@ -304,18 +306,32 @@ impl<const N: usize, const D: usize, const M: usize> TcpOutputs<'_, N, D, M> {
     }
 }
 
+/// V over the columns of four steps: M groups of columns, the joints of a group together.
+#[inline(always)]
+fn over_columns<const N: usize, const D: usize, const M: usize>(rows: &MpcRows<'_, N, D, M>) -> [[Group; N]; M] {
+    core::array::from_fn(|group| {
+        core::array::from_fn(|joint| {
+            core::array::from_fn(|lane| rows.inputs.columns[(group * LANES + lane) % M][joint])
+        })
+    })
+}
+
 /// A panel row for each joint: its joint-space cost of column `r` of steps with every later one, times V.
 #[inline(always)]
-fn write_joints<const N: usize, const D: usize, const M: usize>(
-    rows: &MpcRows<'_, N, D, M>,
+fn write_joints<const N: usize, const M: usize>(
+    inputs: &[[Group; N]; M],
     costs: &[[Group; N]],
     r: usize,
     panel: &mut [[Group; N]],
 ) {
-    for s in r..rows.horizon.steps().len() {
-        let cost = entries(costs, s);
-        for b in 0..M {
-            put(panel, s * M + b, &product(&cost, &rows.inputs.columns[b]));
+    let first = r / LANES;
+    let panel = panel.as_chunks_mut::<M>().0;
+    for (costs, panel) in costs[first..].iter().zip(&mut panel[first..]) {
+        for joint in 0..N {
+            for group in 0..M {
+                panel[group][joint] =
+                    core::array::from_fn(|lane| costs[joint][(group * LANES + lane) / M] * inputs[group][joint][lane]);
+            }
         }
     }
 }
@@ -344,11 +360,12 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
     let mut triangle = Triangle { values: hessian, stride, is_even };
     match prediction.weights {
         Weights::Joint { .. } => {
-            let (joints, _) = panel(rest, groups);
+            let (joints, _) = panel(rest, steps.len().div_ceil(LANES) * M);
+            let inputs = over_columns(rows);
             for r in 0..=last {
                 let costs = responses.cost(r);
                 if M > 1 {
-                    write_joints(rows, costs, r, joints);
+                    write_joints(&inputs, costs, r, joints);
                 }
                 for a in 0..M {
                     let (index, column) = (r * M + a, &rows.inputs.columns[a]);

@@ -101,10 +101,10 @@ impl Capacity {
     /// For N joints, D axes and H steps with every axis as input.
     pub fn new<const N: usize, const D: usize>(steps: usize) -> Self {
         let variables = D * steps + 1;
-        let panel = hessian::panel_rows::<N, D>() * padded(variables);
+        let panels = hessian::panels_len::<N, D>(steps);
         let checks = 3 * padded(variables) + MAX_ROWS;
         let trajectory = trajectory::trajectory_len::<N, D>(steps);
-        Self { variables, tables: responses::table_len::<N>(steps), scratch: panel.max(checks).max(trajectory) }
+        Self { variables, tables: responses::table_len::<N>(steps), scratch: panels.max(checks).max(trajectory) }
     }
 
     /// Number of f64 that [`Workspace::new`] wants.
