@@ -88,14 +88,15 @@ fn add<const A: usize, const B: usize>(
 ) {
     let (by_left, by_right) = (left.factors.map(f64x4::splat), right.factors.map(f64x4::splat));
     let sum = |start: Group, left: &[Group; A], right: &[Group; B]| {
-        let mut total = f64x4::new(start);
+        // Two sums side by side hide the latency of the addition.
+        let (mut total, mut other) = (f64x4::new(start), f64x4::ZERO);
         for t in 0..A {
             total = by_left[t].mul_add(f64x4::new(left[t]), total);
         }
         for t in 0..B {
-            total = by_right[t].mul_add(f64x4::new(right[t]), total);
+            other = by_right[t].mul_add(f64x4::new(right[t]), other);
         }
-        total.to_array()
+        if B > 0 { (total + other).to_array() } else { total.to_array() }
     };
     let terms = left.panel.iter().zip(right.panel);
     match shifted {

@@ -24,7 +24,7 @@ use crate::constraints::Constraints;
 use crate::cost::{SetPoint, Weights};
 use crate::horizon::Horizon;
 use crate::model::State;
-use crate::qp::{Answer, Qp, RowState, Rows, padded};
+use crate::qp::{ALIGNMENT, Answer, Qp, RowState, Rows, before_cache_line, padded};
 
 /// Largest number of constraint rows.
 pub const MAX_ROWS: usize = 1280;
@@ -110,7 +110,7 @@ impl Capacity {
     /// Number of f64 that [`Workspace::new`] wants.
     pub fn storage_len(&self) -> usize {
         let stride = padded(self.variables);
-        self.tables + stride * stride + 2 * stride + 4 * MAX_ROWS + self.scratch
+        self.tables + stride * stride + 2 * stride + 4 * MAX_ROWS + self.scratch + ALIGNMENT
     }
 }
 
@@ -119,6 +119,8 @@ impl Capacity {
 pub struct Workspace<B> {
     capacity: Capacity,
     storage: B,
+    /// Where its first cache line starts.
+    offset: usize,
     working: [RowState; MAX_ROWS],
 }
 
@@ -151,8 +153,9 @@ impl<B: AsMut<[f64]>> Workspace<B> {
         if storage.as_mut().len() < capacity.storage_len() {
             return None;
         }
-        responses::fill(&mut storage.as_mut()[..capacity.tables], horizon, weights);
-        Some(Self { capacity, storage, working: [RowState::Inactive; MAX_ROWS] })
+        let offset = before_cache_line(storage.as_mut());
+        responses::fill(&mut storage.as_mut()[offset..offset + capacity.tables], horizon, weights);
+        Some(Self { capacity, storage, offset, working: [RowState::Inactive; MAX_ROWS] })
     }
 
     /// The pieces for a problem of the size of `rows`; `None` when that is larger than the capacity.
@@ -165,7 +168,7 @@ impl<B: AsMut<[f64]>> Workspace<B> {
             return None;
         }
         let (stride, row_stride) = (padded(variables), padded(count));
-        let (tables, rest) = self.storage.as_mut().split_at_mut(self.capacity.tables);
+        let (tables, rest) = self.storage.as_mut()[self.offset..].split_at_mut(self.capacity.tables);
         let (hessian, rest) = rest.split_at_mut(stride * stride);
         let (gradient, rest) = rest.split_at_mut(stride);
         let (z, rest) = rest.split_at_mut(stride);

@@ -14,9 +14,9 @@ pub(super) struct Responses<'a, const N: usize> {
     cost: &'a [[[f64; LANES]; N]],
 }
 
-/// Numbers in the table of positions, and in that of velocities.
+/// Numbers in the table of positions, and in that of velocities, rounded up to whole groups.
 const fn motion_len<const N: usize>(steps: usize) -> usize {
-    N * steps * steps
+    padded(N * steps * steps)
 }
 
 /// Numbers in all tables.

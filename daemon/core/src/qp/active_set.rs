@@ -23,7 +23,7 @@
 use wide::f64x4;
 
 use super::factor::Factor;
-use super::lanes::{LANES, dot, groups, groups_mut, padded, subtract};
+use super::lanes::{ALIGNMENT, LANES, add_scaled, before_cache_line, dot, groups, groups_mut, padded, tiles_mut};
 use super::working_set::{Member, NO_MEMBERS, WorkingSet};
 use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState};
 
@@ -31,6 +31,8 @@ use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState};
 const FEASIBLE: f64 = 1e-10;
 /// Part of the worst violation from which on others are added before all rows are looked at again.
 const CLOSE_TO_WORST: f64 = 0.03;
+/// Part of the worst multiplier below zero from which on members of a wrong guess leave together.
+const CLOSE_TO_WORST_PULL: f64 = 0.01;
 /// Multiplier times length of its normal, relative to the largest, that counts as zero.
 const ZERO_MULTIPLIER: f64 = 1e-12;
 
@@ -47,7 +49,7 @@ impl SolverCapacity {
     /// Number of f64 that [`ActiveSet::new`] wants.
     pub fn storage_len(&self) -> usize {
         let stride = padded(self.variables);
-        Factor::storage_len(stride) + 2 * stride * stride + 5 * stride + padded(self.rows)
+        Factor::storage_len(stride) + 2 * stride * stride + 5 * stride + padded(self.rows) + ALIGNMENT
     }
 }
 
@@ -57,6 +59,8 @@ pub struct ActiveSet<B> {
     capacity: SolverCapacity,
     max_iterations: u32,
     storage: B,
+    /// Where its first cache line starts.
+    offset: usize,
     members: [Member; MAX_VARIABLES],
 }
 
@@ -64,12 +68,12 @@ impl<B: AsMut<[f64]>> ActiveSet<B> {
     /// A solver that takes up to `max_iterations` additions and removals; `None` when `storage` is shorter than
     /// [`SolverCapacity::storage_len`] or the capacity beyond [`MAX_VARIABLES`].
     pub fn new(capacity: SolverCapacity, max_iterations: u32, mut storage: B) -> Option<Self> {
-        (storage.as_mut().len() >= capacity.storage_len() && capacity.variables <= MAX_VARIABLES).then_some(Self {
-            capacity,
-            max_iterations,
-            storage,
-            members: NO_MEMBERS,
-        })
+        let storage_mut = storage.as_mut();
+        if storage_mut.len() < capacity.storage_len() || capacity.variables > MAX_VARIABLES {
+            return None;
+        }
+        let offset = before_cache_line(storage_mut);
+        Some(Self { capacity, max_iterations, storage, offset, members: NO_MEMBERS })
     }
 }
 
@@ -104,7 +108,7 @@ impl<B: AsMut<[f64]>> QpSolver for ActiveSet<B> {
             return QpOutcome::Failed { iterations: 0 };
         }
         let stride = qp.stride;
-        let (factor, rest) = self.storage.as_mut().split_at_mut(Factor::storage_len(stride));
+        let (factor, rest) = self.storage.as_mut()[self.offset..].split_at_mut(Factor::storage_len(stride));
         let (q, rest) = rest.split_at_mut(stride * stride);
         let (r, rest) = rest.split_at_mut(stride * stride);
         let (y0, rest) = rest.split_at_mut(stride);
@@ -115,7 +119,7 @@ impl<B: AsMut<[f64]>> QpSolver for ActiveSet<B> {
         let mut run = Run {
             qp,
             factor: Factor::within(factor, stride),
-            working: WorkingSet { members: &mut self.members, len: 0, q, r, stride },
+            working: WorkingSet { members: &mut self.members, len: 0, q: tiles_mut(q), r, stride },
             y0,
             y,
             c,
@@ -221,22 +225,25 @@ impl Run<'_, '_> {
         Ok(())
     }
 
-    /// y and λ from W; members with λ < 0 leave first, the worst one at a time.
+    /// y and λ from W; members with λ < 0 leave first, the worst ones together.
     fn take_nearest(&mut self, expired: &mut dyn FnMut() -> bool) -> Result<(), Ended> {
         loop {
             self.working.nearest(self.y0, self.y, self.d);
             let members = &self.working.members[..self.working.len];
-            let push = |member: &Member| member.multiplier * member.length;
-            let largest = members.iter().fold(0.0_f64, |largest, member| largest.max(push(member).abs()));
-            let mut worst = (-ZERO_MULTIPLIER * largest, None);
-            for (index, member) in members.iter().enumerate() {
-                if push(member) < worst.0 {
-                    worst = (push(member), Some(index));
+            let (mut largest, mut worst) = (0.0_f64, 0.0_f64);
+            for push in members.iter().map(Member::push) {
+                (largest, worst) = (largest.max(push.abs()), worst.min(push));
+            }
+            if worst >= -ZERO_MULTIPLIER * largest {
+                return Ok(());
+            }
+            // The last ones first: what stands behind a member is rotated when it leaves.
+            for index in (0..self.working.len).rev() {
+                if self.working.members[index].push() <= CLOSE_TO_WORST_PULL * worst {
+                    self.count_iteration(expired)?;
+                    self.working.remove(index);
                 }
             }
-            let Some(index) = worst.1 else { return Ok(()) };
-            self.count_iteration(expired)?;
-            self.working.remove(index);
         }
     }
 
@@ -355,7 +362,7 @@ impl Run<'_, '_> {
             }
             member.multiplier += step;
             if independent.is_some() {
-                subtract(self.y, -step, self.c);
+                add_scaled(self.y, step, self.c);
             }
             match (blocked_by, independent) {
                 (Some(index), _) => self.working.remove(index),

@@ -5,10 +5,7 @@
 
 use wide::f64x4;
 
-use super::lanes::{LANES, groups, groups_mut};
-
-/// Four rows of four columns.
-type Tile = [[f64; LANES]; LANES];
+use super::lanes::{LANES, Tile, groups, groups_mut, products, subtract_rows, tiles_mut};
 
 /// Tiles side by side that stay in registers.
 const ABREAST: usize = 3;
@@ -33,8 +30,7 @@ impl<'a> Factor<'a> {
     /// A factor within `storage`, not computed yet.
     pub(super) fn within(storage: &'a mut [f64], stride: usize) -> Self {
         let (tiles, inverses) = storage.split_at_mut(stride * stride);
-        let inverses = inverses.as_chunks_mut().0.as_chunks_mut().0.as_chunks_mut().0;
-        Self { tiles: tiles.as_chunks_mut().0.as_chunks_mut().0, inverses, blocks: stride / LANES }
+        Self { tiles: tiles_mut(tiles), inverses: tiles_mut(inverses).as_chunks_mut().0, blocks: stride / LANES }
     }
 
     /// Factors H (n×n, rows a stride apart, upper triangle). False when H is not numerically positive definite.
@@ -56,7 +52,8 @@ impl<'a> Factor<'a> {
             while column < blocks {
                 column += match blocks - column {
                     1 => place.finish::<1>(column, &inverse, rest),
-                    2 => place.finish::<2>(column, &inverse, rest),
+                    // Not one alone: it would wait for each of its sums.
+                    2 | 4 => place.finish::<2>(column, &inverse, rest),
                     _ => place.finish::<ABREAST>(column, &inverse, rest),
                 };
             }
@@ -75,15 +72,8 @@ impl<'a> Factor<'a> {
         let mut rest = &mut groups_mut(x)[start / LANES..self.blocks];
         let mut block = start / LANES;
         while let Some((head, tail)) = rest.split_first_mut() {
-            *head = combination(head, &self.inverses[block][0]).to_array();
-            let factors = head.map(f64x4::splat);
-            for (x, tile) in tail.iter_mut().zip(self.right_of_diagonal(block)) {
-                let mut value = f64x4::new(*x);
-                for i in 0..LANES {
-                    value = f64x4::new(tile[i]).mul_neg_add(factors[i], value);
-                }
-                *x = value.to_array();
-            }
+            *head = combination(head, &self.inverses[block][0]);
+            subtract_rows(tail, head, self.right_of_diagonal(block));
             (rest, block) = (tail, block + 1);
         }
     }
@@ -94,8 +84,8 @@ impl<'a> Factor<'a> {
         for block in (0..self.blocks).rev() {
             let (head, tail) = x[block..].split_at_mut(1);
             let known = products(self.right_of_diagonal(block), tail);
-            let left = f64x4::new(head[0]) - known;
-            head[0] = combination(&left.to_array(), &self.inverses[block][1]).to_array();
+            let left = core::array::from_fn(|i| head[0][i] - known[i]);
+            head[0] = combination(&left, &self.inverses[block][1]);
         }
     }
 }
@@ -202,34 +192,9 @@ fn transposed(tile: &Tile) -> Tile {
 
 /// Σ_i factors_i · row i.
 #[inline(always)]
-fn combination(factors: &[f64; LANES], tile: &Tile) -> f64x4 {
+fn combination(factors: &[f64; LANES], tile: &Tile) -> [f64; LANES] {
     let row = |i: usize| f64x4::new(tile[i]);
     let factor = factors.map(f64x4::splat);
     let (first, second) = (row(0) * factor[0], row(2) * factor[2]);
-    row(1).mul_add(factor[1], first) + row(3).mul_add(factor[3], second)
-}
-
-/// Tiles side by side times a vector.
-#[inline(always)]
-fn products(tiles: &[Tile], x: &[[f64; LANES]]) -> f64x4 {
-    // Two sums for each row hide the latency of the addition.
-    let mut sums = [[f64x4::ZERO; LANES]; 2];
-    let (pairs, last) = tiles.as_chunks::<2>();
-    let (x_pairs, x_last) = x.as_chunks::<2>();
-    for (tiles, x) in pairs.iter().zip(x_pairs) {
-        for (sums, (tile, x)) in sums.iter_mut().zip(tiles.iter().zip(x)) {
-            let x = f64x4::new(*x);
-            for i in 0..LANES {
-                sums[i] = f64x4::new(tile[i]).mul_add(x, sums[i]);
-            }
-        }
-    }
-    for (tile, x) in last.iter().zip(x_last) {
-        let x = f64x4::new(*x);
-        for i in 0..LANES {
-            sums[0][i] = f64x4::new(tile[i]).mul_add(x, sums[0][i]);
-        }
-    }
-    let [a, b, c, d] = f64x4::transpose(core::array::from_fn(|i| sums[0][i] + sums[1][i]));
-    (a + b) + (c + d)
+    (row(1).mul_add(factor[1], first) + row(3).mul_add(factor[3], second)).to_array()
 }

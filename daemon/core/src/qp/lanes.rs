@@ -12,6 +12,20 @@ pub const fn padded(length: usize) -> usize {
     length.div_ceil(LANES) * LANES
 }
 
+/// Four rows of four columns; side by side, four rows of any length.
+pub(super) type Tile = [[f64; LANES]; LANES];
+
+/// Numbers in a cache line: a group that crosses from one to the next takes twice as long to read.
+const CACHE_LINE: usize = 8;
+
+/// Numbers that storage must have beyond what is kept in it, for [`before_cache_line`].
+pub(crate) const ALIGNMENT: usize = CACHE_LINE - 1;
+
+/// How many numbers of a storage stand before its first cache line.
+pub(crate) fn before_cache_line(storage: &[f64]) -> usize {
+    storage.as_ptr().align_offset(CACHE_LINE * size_of::<f64>()).min(ALIGNMENT)
+}
+
 /// A slice as groups.
 #[inline(always)]
 pub(crate) fn groups(x: &[f64]) -> &[[f64; LANES]] {
@@ -21,6 +35,12 @@ pub(crate) fn groups(x: &[f64]) -> &[[f64; LANES]] {
 #[inline(always)]
 pub(crate) fn groups_mut(x: &mut [f64]) -> &mut [[f64; LANES]] {
     x.as_chunks_mut().0
+}
+
+/// Storage as tiles.
+#[inline(always)]
+pub(super) fn tiles_mut(storage: &mut [f64]) -> &mut [Tile] {
+    storage.as_chunks_mut().0.as_chunks_mut().0
 }
 
 #[inline(always)]
@@ -47,56 +67,55 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     sum((sums[0] + sums[1]) + (sums[2] + sums[3]))
 }
 
-/// Four dot products with one vector: [aᵀx, bᵀx, cᵀx, dᵀx].
-#[inline(always)]
-pub(super) fn dot4(rows: [&[f64]; 4], x: &[f64]) -> [f64; 4] {
-    let x = groups(x);
-    let rows = rows.map(|row| &groups(row)[..x.len()]);
-    let mut sums = [f64x4::ZERO; 4];
-    for (group, x) in x.iter().enumerate() {
-        let x = f64x4::new(*x);
-        for i in 0..4 {
-            sums[i] = f64x4::new(rows[i][group]).mul_add(x, sums[i]);
-        }
-    }
-    sums.map(sum)
-}
-
-/// x −= factor · a.
-#[inline(always)]
-pub(super) fn subtract(x: &mut [f64], factor: f64, a: &[f64]) {
-    let factor = f64x4::splat(factor);
-    for (x, a) in groups_mut(x).iter_mut().zip(groups(a)) {
-        *x = f64x4::new(*a).mul_neg_add(factor, f64x4::new(*x)).to_array();
-    }
-}
-
-/// x −= Σ factors_i · rows_i.
-#[inline(always)]
-pub(super) fn subtract4(x: &mut [f64], factors: [f64; 4], rows: [&[f64]; 4]) {
-    let x = groups_mut(x);
-    let rows = rows.map(|row| &groups(row)[..x.len()]);
-    let factors = factors.map(f64x4::splat);
-    for (group, x) in x.iter_mut().enumerate() {
-        let mut value = f64x4::new(*x);
-        for i in 0..4 {
-            value = f64x4::new(rows[i][group]).mul_neg_add(factors[i], value);
-        }
-        *x = value.to_array();
-    }
-}
-
 /// Σ x².
+#[inline(always)]
 pub(super) fn norm_squared(x: &[f64]) -> f64 {
     dot(x, x)
 }
 
-/// Rotates (a, b) to (cos a + sin b, cos b − sin a).
-pub(super) fn rotate(a: &mut [f64], b: &mut [f64], cos: f64, sin: f64) {
-    let (cos, sin) = (f64x4::splat(cos), f64x4::splat(sin));
-    for (a, b) in groups_mut(a).iter_mut().zip(groups_mut(b)) {
-        let (old_a, old_b) = (f64x4::new(*a), f64x4::new(*b));
-        *a = cos.mul_add(old_a, sin * old_b).to_array();
-        *b = sin.mul_neg_add(old_a, cos * old_b).to_array();
+/// x += factor · a.
+#[inline(always)]
+pub(super) fn add_scaled(x: &mut [f64], factor: f64, a: &[f64]) {
+    let factor = f64x4::splat(factor);
+    for (x, a) in groups_mut(x).iter_mut().zip(groups(a)) {
+        *x = f64x4::new(*a).mul_add(factor, f64x4::new(*x)).to_array();
+    }
+}
+
+/// Four rows times x.
+#[inline(always)]
+pub(super) fn products(rows: &[Tile], x: &[[f64; LANES]]) -> [f64; LANES] {
+    // Two sums for each row hide the latency of the addition.
+    let mut sums = [[f64x4::ZERO; LANES]; 2];
+    let (pairs, last) = rows.as_chunks::<2>();
+    let (x_pairs, x_last) = x.as_chunks::<2>();
+    for (tiles, x) in pairs.iter().zip(x_pairs) {
+        for (sums, (tile, x)) in sums.iter_mut().zip(tiles.iter().zip(x)) {
+            let x = f64x4::new(*x);
+            for i in 0..LANES {
+                sums[i] = f64x4::new(tile[i]).mul_add(x, sums[i]);
+            }
+        }
+    }
+    for (tile, x) in last.iter().zip(x_last) {
+        let x = f64x4::new(*x);
+        for i in 0..LANES {
+            sums[0][i] = f64x4::new(tile[i]).mul_add(x, sums[0][i]);
+        }
+    }
+    let [a, b, c, d] = f64x4::transpose(core::array::from_fn(|i| sums[0][i] + sums[1][i]));
+    ((a + b) + (c + d)).to_array()
+}
+
+/// x −= Σ factors_i · row i.
+#[inline(always)]
+pub(super) fn subtract_rows(x: &mut [[f64; LANES]], factors: &[f64; LANES], rows: &[Tile]) {
+    let factors = factors.map(f64x4::splat);
+    for (x, tile) in x.iter_mut().zip(rows) {
+        let mut value = f64x4::new(*x);
+        for i in 0..LANES {
+            value = f64x4::new(tile[i]).mul_neg_add(factors[i], value);
+        }
+        *x = value.to_array();
     }
 }

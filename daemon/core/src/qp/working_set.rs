@@ -2,7 +2,11 @@
 //! as Cᵀ = Q R with orthonormal columns in Q. Orthogonalising twice instead of factoring C Cᵀ keeps nearly parallel rows
 //! apart: on a plane the force rows of two axes are parallel, and those of successive steps nearly so.
 
-use super::lanes::{dot, dot4, norm_squared, padded, rotate, subtract, subtract4};
+use core::ops::Range;
+
+use wide::f64x4;
+
+use super::lanes::{LANES, Tile, groups, groups_mut, norm_squared, padded, products, subtract_rows};
 use super::{MAX_VARIABLES, RowState};
 
 /// Below this part of its length, what is left of a normal after taking away the others is rounding: the row depends on
@@ -18,17 +22,32 @@ pub(super) struct Member {
     pub bound: f64,
     /// λ ≥ 0.
     pub multiplier: f64,
-    /// ‖c‖: λ ‖c‖ is comparable between rows of different units.
+    /// ‖c‖: what λ is multiplied with to be compared between rows of different units.
     pub length: f64,
+    /// 1 over its diagonal element of R.
+    inverse_pivot: f64,
     /// Columns before this one are zero in this column of Q.
     start: usize,
 }
 
 impl Member {
-    const NONE: Self = Self { row: 0, side: RowState::Inactive, bound: 0.0, multiplier: 0.0, length: 0.0, start: 0 };
+    const NONE: Self = Self {
+        row: 0,
+        side: RowState::Inactive,
+        bound: 0.0,
+        multiplier: 0.0,
+        length: 0.0,
+        inverse_pivot: 0.0,
+        start: 0,
+    };
 
     pub(super) fn new(row: usize, side: RowState, bound: f64) -> Self {
         Self { row: row as u16, side, bound, ..Self::NONE }
+    }
+
+    /// How hard it pushes: λ ‖c‖.
+    pub(super) fn push(&self) -> f64 {
+        self.multiplier * self.length
     }
 }
 
@@ -47,8 +66,8 @@ pub(super) struct Projection {
 pub(super) struct WorkingSet<'a> {
     pub members: &'a mut [Member; MAX_VARIABLES],
     pub len: usize,
-    /// Columns of Q, stride apart.
-    pub q: &'a mut [f64],
+    /// Columns of Q, four a block; zero behind the last one in its block.
+    pub q: &'a mut [Tile],
     /// Columns of R, stride apart.
     pub r: &'a mut [f64],
     pub stride: usize,
@@ -57,61 +76,63 @@ pub(super) struct WorkingSet<'a> {
 pub(super) const NO_MEMBERS: [Member; MAX_VARIABLES] = [Member::NONE; MAX_VARIABLES];
 
 impl WorkingSet<'_> {
-    fn column(&self, index: usize) -> &[f64] {
-        &self.q[index * self.stride..(index + 1) * self.stride]
+    /// The tiles of the block that a column of Q is in.
+    fn block_of(&self, column: usize) -> Range<usize> {
+        let (block, groups) = (column / LANES, self.stride / LANES);
+        block * groups..(block + 1) * groups
+    }
+
+    /// Every block of Q from column `start` of it on.
+    fn blocks(&self, start: usize) -> impl Iterator<Item = &[Tile]> {
+        let blocks = self.q.chunks_exact(self.stride / LANES).take(self.len.div_ceil(LANES));
+        blocks.map(move |block| &block[start / LANES..])
+    }
+
+    /// Before this column all of Q is zero.
+    fn start(&self) -> usize {
+        self.members[..self.len].iter().fold(self.stride, |start, member| start.min(member.start))
     }
 
     /// c ← c − Q Qᵀ c, d ← Qᵀ c, for a c that is zero before `start`; 2 to 4 len·stride multiplications.
     pub(super) fn project(&self, c: &mut [f64], d: &mut [f64], start: usize) -> Projection {
-        let before = norm_squared(&c[start..]);
+        let whole = norm_squared(&c[start..]);
         d[..padded(self.len)].fill(0.0);
-        let start = self.members[..self.len].iter().fold(start, |start, member| start.min(member.start));
-        let mut last = before;
-        let mut rest = before;
+        let start = start.min(self.start());
+        let c = &mut groups_mut(c)[start / LANES..];
+        let (mut last, mut rest) = (whole, whole);
         // Twice is enough; once, where at least a tenth of the length is left: that costs one digit of orthogonality.
         for _ in 0..2 {
-            self.take_away(c, d, start);
-            rest = norm_squared(&c[start..]);
-            if rest > 0.01 * last {
+            for (columns, d) in self.blocks(start).zip(groups_mut(d)) {
+                let parts = products(columns, c);
+                subtract_rows(c, &parts, columns);
+                (0..LANES).for_each(|i| d[i] += parts[i]);
+            }
+            rest = norm_squared(c.as_flattened());
+            if rest > 1e-4 * last {
                 break;
             }
             last = rest;
         }
-        let dependent = rest <= before * (DEPENDENT * DEPENDENT) || rest.is_nan();
-        Projection { whole: before, rest, dependent, start }
-    }
-
-    fn take_away(&self, c: &mut [f64], d: &mut [f64], start: usize) {
-        let c = &mut c[start..];
-        let whole = self.len / 4 * 4;
-        for first in (0..whole).step_by(4) {
-            let columns = [0, 1, 2, 3].map(|i| &self.column(first + i)[start..]);
-            let parts = dot4(columns, c);
-            subtract4(c, parts, columns);
-            for (d, part) in d[first..].iter_mut().zip(parts) {
-                *d += part;
-            }
-        }
-        for index in whole..self.len {
-            let column = &self.column(index)[start..];
-            let part = dot(column, c);
-            subtract(c, part, column);
-            d[index] += part;
-        }
+        let dependent = rest <= whole * (DEPENDENT * DEPENDENT) || rest.is_nan();
+        Projection { whole, rest, dependent, start }
     }
 
     /// Appends a member whose normal has been projected: `c` is what is left of it, `d` its part within W.
     pub(super) fn push(&mut self, member: Member, projection: &Projection, c: &[f64], d: &[f64]) {
-        let length = libm::sqrt(projection.rest);
-        let member = Member { length: libm::sqrt(projection.whole), start: projection.start, ..member };
-        let at = self.len * self.stride;
-        let inverse = 1.0 / length;
-        for (q, c) in self.q[at..at + self.stride].iter_mut().zip(c) {
-            *q = c * inverse;
+        let (length, column) = (libm::sqrt(projection.rest), self.len);
+        let inverse_pivot = 1.0 / length;
+        let block = self.block_of(column);
+        for (tile, c) in self.q[block].iter_mut().zip(groups(c)) {
+            if column % LANES == 0 {
+                *tile = [[0.0; LANES]; LANES];
+            }
+            tile[column % LANES] = c.map(|c| c * inverse_pivot);
         }
-        self.r[at..at + self.len].copy_from_slice(&d[..self.len]);
-        self.r[at + self.len] = length;
-        self.members[self.len] = member;
+        let at = column * self.stride;
+        self.r[at..at + column].copy_from_slice(&d[..column]);
+        self.r[at + column] = length;
+        let whole = libm::sqrt(projection.whole);
+        self.members[column] = Member { length: whole, inverse_pivot, start: projection.start, ..member };
         self.len += 1;
     }
 
@@ -126,8 +147,8 @@ impl WorkingSet<'_> {
         }
         for i in index..last {
             let (a, b) = (self.r[i * stride + i], self.r[i * stride + i + 1]);
-            let length = libm::sqrt(a * a + b * b);
-            let (cos, sin) = (a / length, b / length);
+            let inverse_pivot = 1.0 / libm::sqrt(a * a + b * b);
+            let (cos, sin) = (a * inverse_pivot, b * inverse_pivot);
             for column in i..last {
                 let pair = &mut self.r[column * stride + i..column * stride + i + 2];
                 let (top, bottom) = (pair[0], pair[1]);
@@ -135,21 +156,32 @@ impl WorkingSet<'_> {
                 pair[1] = cos * bottom - sin * top;
             }
             let start = self.members[i].start.min(self.members[i + 1].start);
-            let (left, right) = self.q.split_at_mut((i + 1) * stride);
-            rotate(&mut left[i * stride + start..], &mut right[start..stride], cos, sin);
-            self.members[i] = Member { start, ..self.members[i + 1] };
+            self.rotate(i, start, cos, sin);
+            self.members[i] = Member { start, inverse_pivot, ..self.members[i + 1] };
             self.members[i + 1].start = start;
         }
+        let block = self.block_of(last);
+        self.q[block].iter_mut().for_each(|tile| tile[last % LANES] = [0.0; LANES]);
         self.len = last;
+    }
+
+    /// Rotates columns (i, i + 1) of Q from `start` on to (cos q_i + sin q_{i+1}, cos q_{i+1} − sin q_i).
+    fn rotate(&mut self, i: usize, start: usize, cos: f64, sin: f64) {
+        let (cos, sin) = (f64x4::splat(cos), f64x4::splat(sin));
+        let (here, there) = (self.block_of(i), self.block_of(i + 1));
+        for (here, there) in here.zip(there).skip(start / LANES) {
+            let (a, b) = (f64x4::new(self.q[here][i % LANES]), f64x4::new(self.q[there][(i + 1) % LANES]));
+            self.q[here][i % LANES] = cos.mul_add(a, sin * b).to_array();
+            self.q[there][(i + 1) % LANES] = sin.mul_neg_add(a, cos * b).to_array();
+        }
     }
 
     /// d ← R⁻¹ d.
     pub(super) fn solve(&self, d: &mut [f64]) {
         for index in (0..self.len).rev() {
-            let column = &self.r[index * self.stride..];
-            d[index] /= column[index];
+            d[index] *= self.members[index].inverse_pivot;
             let factor = d[index];
-            for (d, r) in d[..index].iter_mut().zip(column) {
+            for (d, r) in d[..index].iter_mut().zip(&self.r[index * self.stride..]) {
                 *d -= factor * r;
             }
         }
@@ -159,22 +191,20 @@ impl WorkingSet<'_> {
     pub(super) fn nearest(&mut self, y0: &[f64], y: &mut [f64], d: &mut [f64]) {
         y.copy_from_slice(y0);
         // v = R⁻ᵀ bounds − Qᵀ y0, y = y0 + Q v, λ = R⁻¹ v.
+        d[..padded(self.len)].fill(0.0);
         for index in 0..self.len {
-            let column = &self.r[index * self.stride..(index + 1) * self.stride];
             let mut known = 0.0;
-            for (d, r) in d[..index].iter().zip(column) {
+            for (d, r) in d[..index].iter().zip(&self.r[index * self.stride..]) {
                 known += d * r;
             }
-            d[index] = (self.members[index].bound - known) / column[index];
+            d[index] = (self.members[index].bound - known) * self.members[index].inverse_pivot;
         }
-        for index in 0..self.len {
-            let start = self.members[index].start;
-            let part = dot(&self.column(index)[start..], &y0[start..]);
-            d[index] -= part;
-        }
-        for index in 0..self.len {
-            let start = self.members[index].start;
-            subtract(&mut y[start..], -d[index], &self.q[index * self.stride + start..(index + 1) * self.stride]);
+        let start = self.start();
+        let (y0, y) = (&groups(y0)[start / LANES..], &mut groups_mut(y)[start / LANES..]);
+        for (columns, d) in self.blocks(start).zip(groups_mut(d)) {
+            let parts = products(columns, y0);
+            *d = core::array::from_fn(|i| d[i] - parts[i]);
+            subtract_rows(y, &d.map(|d| -d), columns);
         }
         self.solve(d);
         for (member, lambda) in self.members[..self.len].iter_mut().zip(d.iter()) {
