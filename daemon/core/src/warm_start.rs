@@ -7,7 +7,7 @@
 
 use crate::constraints::{Layout, Row, RowKind};
 use crate::horizon::Horizon;
-use crate::qp::{MAX_VARIABLES, RowState};
+use crate::qp::{MAX_VARIABLES, RowState, members_of};
 
 /// The working set of the last solved problem.
 #[derive(Debug, Clone, Copy)]
@@ -92,8 +92,7 @@ impl WarmStart {
         }
         self.stamp = stamp;
         self.len = 0;
-        let active = working.iter().enumerate().filter(|(_, state)| **state != RowState::Inactive);
-        let rows = active.filter_map(|(number, state)| Some((layout.row(number)?, *state)));
+        let rows = members_of(working).filter_map(|(number, state)| Some((layout.row(number)?, state)));
         for (place, row) in self.rows.iter_mut().zip(rows) {
             *place = row;
             self.len += 1;

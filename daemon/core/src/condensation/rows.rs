@@ -21,8 +21,6 @@ pub struct MpcRows<'a, const N: usize, const D: usize, const M: usize> {
     pub layout: Layout,
     /// V: the columns of J⁻¹ that belong to inputs.
     pub(super) inputs: Matrix<N, M>,
-    /// J.
-    pub(super) jacobian: Matrix<D, N>,
     /// s K_e J: a row for each axis with bounded force; zero behind them.
     gradients: Matrix<M, N>,
     /// Axes with bounded force.
@@ -60,19 +58,13 @@ impl Bounds<'_> {
         });
         let (lower, upper) = (&mut self.lower[rows.clone()], &mut self.upper[rows.clone()]);
         let weight = &mut self.weight[rows];
-        if count == K {
-            let places = lower.as_chunks_mut().0.iter_mut().zip(upper.as_chunks_mut().0).zip(weight.as_chunks_mut().0);
-            for (((to_lower, to_upper), to_weight), (lower, upper, weight)) in places.zip(relative) {
-                (*to_lower, *to_upper, *to_weight) = (lower, upper, weight);
-            }
-        } else if count > 0 {
-            let places =
-                lower.chunks_exact_mut(count).zip(upper.chunks_exact_mut(count)).zip(weight.chunks_exact_mut(count));
-            for (((to_lower, to_upper), to_weight), (lower, upper, weight)) in places.zip(relative) {
-                to_lower.copy_from_slice(&lower[..count]);
-                to_upper.copy_from_slice(&upper[..count]);
-                to_weight.copy_from_slice(&weight[..count]);
-            }
+        let count = count.max(1);
+        let places =
+            lower.chunks_exact_mut(count).zip(upper.chunks_exact_mut(count)).zip(weight.chunks_exact_mut(count));
+        for (((to_lower, to_upper), to_weight), (lower, upper, weight)) in places.zip(relative) {
+            store(to_lower, &lower);
+            store(to_upper, &upper);
+            store(to_weight, &weight);
         }
     }
 }
@@ -138,7 +130,6 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
             prediction,
             layout: Layout::new(&prediction.constraints, horizon, &prediction.inputs, softened),
             inputs: Matrix::of_columns(columns),
-            jacobian: Matrix::of_columns(prediction.jacobian.data.0),
             gradients: Matrix::of_rows(gradients),
             bounded: bounds.len(),
         })

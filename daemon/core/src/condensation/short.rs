@@ -17,7 +17,7 @@ pub(super) fn array<const K: usize>(vector: &SVector<f64, K>) -> &[f64; K] {
     &vector.data.0[0]
 }
 
-/// A vector of K ≤ 8 numbers; zero beyond them.
+/// A vector of K ≤ 8 numbers. Beyond them it is zero; or after [`Short::splat`] anything, of which zeros make zero again.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Short<const K: usize>([f64x4; GROUPS]);
 
@@ -51,7 +51,7 @@ impl<const K: usize> Short<K> {
 
     #[inline(always)]
     pub(super) fn splat(number: f64) -> Self {
-        Self::new(&[number; K])
+        Self([f64x4::splat(number); GROUPS])
     }
 
     #[inline(always)]

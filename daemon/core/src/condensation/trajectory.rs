@@ -138,6 +138,11 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     if let Some(price) = prediction.slack_price {
         gradient[n] = price * SLACK_UNIT;
     }
+    // Only task weights need it.
+    let jacobian = match prediction.weights {
+        Weights::Joint { .. } => Matrix::of_columns([[0.0; D]; N]),
+        Weights::Task { .. } => Matrix::of_columns(prediction.jacobian.data.0),
+    };
     let mut costate = Joints::<N>::ZERO;
     let mut push = Short::<M>::ZERO;
     // Variables stand in reversed time order: backward in time is forward in g.
@@ -146,7 +151,7 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
         if !is_even {
             filter = Filter::of(axes, step);
         }
-        add_joint_cost(rows, &joints_of(joints), &mut costate);
+        add_joint_cost(rows, &jacobian, &joints_of(joints), &mut costate);
         push = Short::new(wrench).minus(estimates.set_point).times_plus(estimates.weight, push);
         // Sensitivity to q at the end of the step, through q itself and through f̂ there.
         costate.position = costate.position.plus(estimates.gradients.transposed_times(push.times(filter.by_end)));
@@ -160,6 +165,7 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
 #[inline(always)]
 fn add_joint_cost<const N: usize, const D: usize, const M: usize>(
     rows: &MpcRows<'_, N, D, M>,
+    jacobian: &Matrix<D, N>,
     joints: &Joints<N>,
     costate: &mut Joints<N>,
 ) {
@@ -173,7 +179,6 @@ fn add_joint_cost<const N: usize, const D: usize, const M: usize>(
         }
         Weights::Task { position, velocity, .. } => {
             // Jᵀ W J.
-            let jacobian = &rows.jacobian;
             let pushed = |x: Short<N>, weight: &SVector<f64, D>| {
                 jacobian.transposed_times(jacobian.times(x).times(Short::of(weight)))
             };

@@ -10,8 +10,9 @@
 //!   again before it is; of equals the first. So no tie depends on anything but the order of rows.
 //! - **Dependence**: a row whose normal is a combination of those in W is exchanged for the member that blocks it, never
 //!   added. Where none blocks, Σ of the members' normals with weights ≥ 0 contradicts it: that is the certificate.
-//! - **Cycling**: in exact arithmetic impossible, see above; rounding is answered by the iteration limit, and by taking the
-//!   nearest point afresh from W at the end of every pass.
+//! - **Drift**: what rounding adds up to in y over many steps is taken out by taking the nearest point afresh from W, at the end
+//!   of every pass; a row of W that seems violated meanwhile is left alone.
+//! - **Cycling**: in exact arithmetic impossible, see above; rounding is answered by the iteration limit.
 //! - **Nearly singular W**: rows are orthogonalised, not squared, and what depends within 1e-9 never enters W.
 //!
 //! # Work
@@ -25,12 +26,12 @@ use wide::f64x4;
 use super::factor::Factor;
 use super::lanes::{ALIGNMENT, LANES, add_scaled, before_cache_line, dot, groups, groups_mut, padded, tiles_mut};
 use super::working_set::{Member, NO_MEMBERS, WorkingSet};
-use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState};
+use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState, members_of};
 
 /// Violation relative to a row's scale that counts as none.
 const FEASIBLE: f64 = 1e-10;
 /// Part of the worst violation from which on others are added before all rows are looked at again.
-const CLOSE_TO_WORST: f64 = 0.03;
+const CLOSE_TO_WORST: f64 = 0.003;
 /// Part of the worst multiplier below zero from which on members of a wrong guess leave together.
 const CLOSE_TO_WORST_PULL: f64 = 0.01;
 /// Multiplier times length of its normal, relative to the largest, that counts as zero.
@@ -196,11 +197,7 @@ impl Run<'_, '_> {
 
     /// W from the guess, without the rows that depend on others or do not push: then λ ≥ 0, as the method needs it.
     fn warm_start(&mut self, guess: &[RowState], expired: &mut dyn FnMut() -> bool) -> Result<(), Ended> {
-        let mut from = 0;
-        // Few rows are guessed of many: the others are passed over quickly.
-        while let Some(next) = guess[from..].iter().position(|side| *side != RowState::Inactive) {
-            let (row, side) = (from + next, guess[from + next]);
-            from = row + 1;
+        for (row, side) in members_of(guess) {
             if !self.bound(row, side).is_finite() || self.working.len >= self.qp.variables {
                 continue;
             }
@@ -281,10 +278,10 @@ impl Run<'_, '_> {
         let worst = worst.to_array().into_iter().fold(0.0, f64::max);
         if worst > FEASIBLE {
             for (value, ((lower, upper), weight)) in groups_mut(self.values).iter_mut().zip(bounds()) {
-                for lane in 0..LANES {
-                    let (above, below) = (value[lane] - upper[lane], lower[lane] - value[lane]);
-                    value[lane] = weight[lane] * if above > below { above.max(0.0) } else { -below.max(0.0) };
-                }
+                let here = f64x4::new(*value);
+                let above = (here - f64x4::new(*upper)).fast_max(f64x4::ZERO);
+                let below = (f64x4::new(*lower) - here).fast_max(f64x4::ZERO);
+                *value = (f64x4::new(*weight) * (above - below)).to_array();
             }
         }
         worst
@@ -298,7 +295,8 @@ impl Run<'_, '_> {
         if worst < least {
             return None;
         }
-        let group = values.iter().position(|group| group.iter().any(|value| value.abs() == worst))?;
+        let is_worst = |group: &[f64; LANES]| f64x4::new(*group).abs().simd_eq(f64x4::splat(worst)).any();
+        let group = values.iter().position(is_worst)?;
         let row = group * LANES + values[group].iter().position(|value| value.abs() == worst)?;
         let side = if self.values[row] > 0.0 { RowState::Upper } else { RowState::Lower };
         self.values[row] = 0.0;
@@ -315,6 +313,10 @@ impl Run<'_, '_> {
         answer: &mut Answer<'_>,
         expired: &mut dyn FnMut() -> bool,
     ) -> Result<bool, Ended> {
+        if self.working.members[..self.working.len].iter().any(|member| usize::from(member.row) == row) {
+            // It is in W already: that it seems violated is what many steps have added up to.
+            return Ok(false);
+        }
         let bound = self.bound(row, side);
         let weight = self.qp.weight[row];
         let mut small_enough = least / weight;

@@ -68,6 +68,16 @@ pub enum RowState {
     Upper,
 }
 
+/// The rows of a working set, in ascending order.
+pub(crate) fn members_of(working: &[RowState]) -> impl Iterator<Item = (usize, RowState)> {
+    // Few rows of many are in it: the others are passed over many at a time.
+    const WIDTH: usize = 16;
+    let is_empty = |rows: &[RowState]| rows.iter().fold(true, |empty, state| empty & (*state == RowState::Inactive));
+    let parts = working.chunks(WIDTH).enumerate().filter(move |(_, rows)| !is_empty(rows));
+    let rows = parts.flat_map(|(part, rows)| (part * WIDTH..).zip(rows));
+    rows.filter(|(_, state)| **state != RowState::Inactive).map(|(row, state)| (row, *state))
+}
+
 /// Where a solver writes its answer.
 #[derive(Debug)]
 pub struct Answer<'a> {
