@@ -76,6 +76,10 @@ pub(super) struct WorkingSet<'a> {
 pub(super) const NO_MEMBERS: [Member; MAX_VARIABLES] = [Member::NONE; MAX_VARIABLES];
 
 impl WorkingSet<'_> {
+    pub(super) fn contains(&self, row: usize) -> bool {
+        self.members[..self.len].iter().any(|member| usize::from(member.row) == row)
+    }
+
     /// The tiles of the block that a column of Q is in.
     fn block_of(&self, column: usize) -> Range<usize> {
         let (block, groups) = (column / LANES, self.stride / LANES);
