@@ -313,7 +313,7 @@ impl Run<'_, '_> {
         answer: &mut Answer<'_>,
         expired: &mut dyn FnMut() -> bool,
     ) -> Result<bool, Ended> {
-        if self.working.members[..self.working.len].iter().any(|member| usize::from(member.row) == row) {
+        if self.working.contains(row) {
             // It is in W already: that it seems violated is what many steps have added up to.
             return Ok(false);
         }
