@@ -30,6 +30,8 @@ use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState, members_of
 
 /// Violation relative to a row's scale that counts as none.
 const FEASIBLE: f64 = 1e-10;
+/// By how much of its scale a row of the working set may miss its bound.
+const MISSED: f64 = 1e-13;
 /// Part of the worst violation from which on others are added before all rows are looked at again.
 const CLOSE_TO_WORST: f64 = 0.003;
 /// Part of the worst multiplier below zero from which on members of a wrong guess leave together.
@@ -161,6 +163,7 @@ impl Run<'_, '_> {
             let worst = self.violations(answer.z);
             if worst <= FEASIBLE {
                 if fresh {
+                    self.refine(answer.z);
                     break;
                 }
                 self.take_nearest(expired)?;
@@ -241,6 +244,25 @@ impl Run<'_, '_> {
                     self.working.remove(index);
                 }
             }
+        }
+    }
+
+    /// Where an ill-conditioned H leaves the rows of W missed by more than rounding: once more, by what they are missed. The
+    /// values are those at z.
+    fn refine(&mut self, z: &mut [f64]) {
+        let len = self.working.len;
+        self.d[..padded(len)].fill(0.0);
+        let mut worst = 0.0_f64;
+        for (d, member) in self.d.iter_mut().zip(&self.working.members[..len]) {
+            let row = usize::from(member.row);
+            let value = if member.side == RowState::Upper { -self.values[row] } else { self.values[row] };
+            *d = member.bound - value;
+            worst = worst.max(d.abs() * self.qp.weight[row]);
+        }
+        if worst > MISSED {
+            self.working.raise(self.d, self.y);
+            z[..self.qp.stride].copy_from_slice(self.y);
+            self.factor.solve(&mut z[..self.qp.stride]);
         }
     }
 

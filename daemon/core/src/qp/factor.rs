@@ -174,7 +174,7 @@ fn inverse_of_root(a: Tile) -> (Tile, bool) {
     let roots = f64x4::new([d0, d1, d2, d3]).sqrt();
     let [r0, r1, r2, r3] = (f64x4::ONE / roots).to_array();
     let (m02, m13) = (l01 * l12 - l02, l12 * l23 - l13);
-    let m03 = l01 * l13 + l02 * l23 - l03 - l01 * l12 * l23;
+    let m03 = l01 * l13 - l03 - l23 * m02;
     let rows = [
         [r0, -l01 * r1, m02 * r2, m03 * r3],
         [0.0, r1, -l12 * r2, m13 * r3],

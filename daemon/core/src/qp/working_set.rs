@@ -191,18 +191,40 @@ impl WorkingSet<'_> {
         }
     }
 
-    /// The nearest point to `y0` with C y = bounds, into `y`, and its multipliers: y = y0 + Cᵀ λ.
-    pub(super) fn nearest(&mut self, y0: &[f64], y: &mut [f64], d: &mut [f64]) {
-        y.copy_from_slice(y0);
-        // v = R⁻ᵀ bounds − Qᵀ y0, y = y0 + Q v, λ = R⁻¹ v.
-        d[..padded(self.len)].fill(0.0);
+    /// d ← R⁻ᵀ d.
+    fn solve_transposed(&self, d: &mut [f64]) {
         for index in 0..self.len {
             let mut known = 0.0;
             for (d, r) in d[..index].iter().zip(&self.r[index * self.stride..]) {
                 known += d * r;
             }
-            d[index] = (self.members[index].bound - known) * self.members[index].inverse_pivot;
+            d[index] = (d[index] - known) * self.members[index].inverse_pivot;
         }
+    }
+
+    /// Adds to y and the multipliers what raises C y by d, by member; zero behind them.
+    pub(super) fn raise(&mut self, d: &mut [f64], y: &mut [f64]) {
+        self.solve_transposed(d);
+        let start = self.start();
+        let y = &mut groups_mut(y)[start / LANES..];
+        for (columns, d) in self.blocks(start).zip(groups(d)) {
+            subtract_rows(y, &d.map(|d| -d), columns);
+        }
+        self.solve(d);
+        for (member, lambda) in self.members[..self.len].iter_mut().zip(d.iter()) {
+            member.multiplier += *lambda;
+        }
+    }
+
+    /// The nearest point to `y0` with C y = bounds, into `y`, and its multipliers: y = y0 + Cᵀ λ.
+    pub(super) fn nearest(&mut self, y0: &[f64], y: &mut [f64], d: &mut [f64]) {
+        y.copy_from_slice(y0);
+        // v = R⁻ᵀ bounds − Qᵀ y0, y = y0 + Q v, λ = R⁻¹ v.
+        d[..padded(self.len)].fill(0.0);
+        for (d, member) in d.iter_mut().zip(&self.members[..self.len]) {
+            *d = member.bound;
+        }
+        self.solve_transposed(d);
         let start = self.start();
         let (y0, y) = (&groups(y0)[start / LANES..], &mut groups_mut(y)[start / LANES..]);
         for (columns, d) in self.blocks(start).zip(groups_mut(d)) {
