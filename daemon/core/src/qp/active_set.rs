@@ -24,12 +24,16 @@
 use wide::f64x4;
 
 use super::factor::Factor;
-use super::lanes::{ALIGNMENT, LANES, add_scaled, before_cache_line, dot, groups, groups_mut, padded, tiles_mut};
+use super::lanes::{
+    ALIGNMENT, LANES, add_scaled, before_cache_line, dot, groups, groups_mut, norm_squared, padded, tiles_mut,
+};
 use super::working_set::{Member, NO_MEMBERS, WorkingSet};
 use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState, members_of};
 
 /// Violation relative to a row's scale that counts as none.
 const FEASIBLE: f64 = 1e-10;
+/// Part of y that it may be moved by to put rounding right.
+const ROUNDING: f64 = 1e-9;
 /// By how much of its scale a row of the working set may miss its bound.
 const MISSED: f64 = 1e-13;
 /// Part of the worst violation from which on others are added before all rows are looked at again.
@@ -260,7 +264,9 @@ impl Run<'_, '_> {
             worst = worst.max(d.abs() * self.qp.weight[row]);
         }
         if worst > MISSED {
-            self.working.raise(self.d, self.y);
+            // Rows that nearly depend on one another would ask for more than rounding.
+            let reach = ROUNDING * libm::sqrt(norm_squared(self.y));
+            self.working.raise(self.d, self.y, reach);
             z[..self.qp.stride].copy_from_slice(self.y);
             self.factor.solve(&mut z[..self.qp.stride]);
         }

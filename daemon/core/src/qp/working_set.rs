@@ -202,17 +202,16 @@ impl WorkingSet<'_> {
         }
     }
 
-    /// Adds to y and the multipliers what raises C y by d, by member; zero behind them.
-    pub(super) fn raise(&mut self, d: &mut [f64], y: &mut [f64]) {
+    /// Moves y to where C y is larger by d, by member (zero behind them), if that is at most `reach` away.
+    pub(super) fn raise(&self, d: &mut [f64], y: &mut [f64], reach: f64) {
         self.solve_transposed(d);
+        if norm_squared(&d[..padded(self.len)]) > reach * reach {
+            return;
+        }
         let start = self.start();
         let y = &mut groups_mut(y)[start / LANES..];
         for (columns, d) in self.blocks(start).zip(groups(d)) {
             subtract_rows(y, &d.map(|d| -d), columns);
-        }
-        self.solve(d);
-        for (member, lambda) in self.members[..self.len].iter_mut().zip(d.iter()) {
-            member.multiplier += *lambda;
         }
     }
 
