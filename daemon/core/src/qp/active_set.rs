@@ -99,6 +99,8 @@ struct Run<'a, 'q> {
     fall: &'a mut [f64],
     /// A z.
     values: &'a mut [f64],
+    /// Whether y and λ are those of W to rounding, and not a sum of many steps.
+    fresh: bool,
     iterations: u32,
     max_iterations: u32,
 }
@@ -133,6 +135,7 @@ impl<B: AsMut<[f64]>> QpSolver for ActiveSet<B> {
             d,
             fall,
             values: &mut values[..padded(qp.row_count)],
+            fresh: false,
             iterations: 0,
             max_iterations: self.max_iterations,
         };
@@ -159,19 +162,16 @@ impl Run<'_, '_> {
         self.y0[qp.variables..].fill(0.0);
         self.factor.solve_transposed(self.y0, 0);
         self.warm_start(answer.working, expired)?;
-        // Whether y and λ are those of W to rounding, and not a sum of many steps.
-        let mut fresh = true;
         loop {
             answer.z[..qp.stride].copy_from_slice(self.y);
             self.factor.solve(&mut answer.z[..qp.stride]);
             let worst = self.violations(answer.z);
             if worst <= FEASIBLE {
-                if fresh {
+                if self.fresh {
                     self.refine(answer.z);
                     break;
                 }
                 self.take_nearest(expired)?;
-                fresh = true;
                 continue;
             }
             let mut any = false;
@@ -182,13 +182,11 @@ impl Run<'_, '_> {
                 any = true;
             }
             // A violation that only rounding on the way to z shows: W is as good as it gets, and the caller checks z.
-            if !any && fresh {
+            if !any && self.fresh {
                 break;
             }
-            fresh = false;
             if !any {
                 self.take_nearest(expired)?;
-                fresh = true;
             }
         }
         answer.working.fill(RowState::Inactive);
@@ -239,6 +237,7 @@ impl Run<'_, '_> {
                 (largest, worst) = (largest.max(push.abs()), worst.min(push));
             }
             if worst >= -ZERO_MULTIPLIER * largest {
+                self.fresh = true;
                 return Ok(());
             }
             // The last ones first: what stands behind a member is rotated when it leaves.
@@ -380,6 +379,11 @@ impl Run<'_, '_> {
             }
             let (step, blocked_by) = blocking;
             if step.is_infinite() {
+                // c is a combination of the members' normals: what their bounds say of it does not drift.
+                let missed = pairs().fold(bound, |missed, (member, fall)| missed - fall * member.bound);
+                if !self.fresh && missed <= FEASIBLE / weight {
+                    return Ok(false);
+                }
                 if violation <= FEASIBLE / weight {
                     // Met by letting others go, and dependent by rounding on those that are left: no contradiction.
                     return Ok(true);
@@ -387,6 +391,7 @@ impl Run<'_, '_> {
                 self.certify(&member, answer);
                 return Err(Ended::Infeasible);
             }
+            self.fresh = false;
             for (member, fall) in self.working.members[..len].iter_mut().zip(fall.iter()) {
                 member.multiplier -= step * fall;
             }
