@@ -36,6 +36,8 @@ const FEASIBLE: f64 = 1e-10;
 const ROUNDING: f64 = 1e-9;
 /// By how much of its scale a row of the working set may miss its bound.
 const MISSED: f64 = 1e-13;
+/// Part of its length that may be left of a normal when the others are taken away, and be rounding.
+const COMBINED: f64 = 1e-12;
 /// Part of the worst violation from which on others are added before all rows are looked at again.
 const CLOSE_TO_WORST: f64 = 0.003;
 /// Part of the worst multiplier below zero from which on members of a wrong guess leave together.
@@ -379,9 +381,11 @@ impl Run<'_, '_> {
             }
             let (step, blocked_by) = blocking;
             if step.is_infinite() {
-                // c is a combination of the members' normals: what their bounds say of it does not drift.
+                // c is a combination of the members' normals: where it is one but for rounding, or y has drifted, their bounds
+                // say what is missing, and y does not.
                 let missed = pairs().fold(bound, |missed, (member, fall)| missed - fall * member.bound);
-                if !self.fresh && missed <= FEASIBLE / weight {
+                let is_exact = projection.rest <= projection.whole * (COMBINED * COMBINED);
+                if (is_exact || !self.fresh) && missed <= FEASIBLE / weight {
                     return Ok(false);
                 }
                 if violation <= FEASIBLE / weight {
