@@ -333,7 +333,7 @@ impl Run<'_, '_> {
     }
 
     /// Adds a row to W, if its violation times weight is still at least `least`: steps along the part of its normal that W
-    /// leaves, letting members go whose multiplier reaches zero on the way. Says whether the violation was that large.
+    /// leaves, letting members go whose multiplier reaches zero on the way. Says whether that has changed W.
     fn add(
         &mut self,
         row: usize,
@@ -350,6 +350,7 @@ impl Run<'_, '_> {
         let weight = self.qp.weight[row];
         let mut small_enough = least / weight;
         let mut member = Member::new(row, side, bound);
+        let mut has_let_go = false;
         loop {
             let start = self.normal(row, side);
             let violation = bound - dot(&self.c[start..], &self.y[start..]);
@@ -389,8 +390,8 @@ impl Run<'_, '_> {
                     return Ok(false);
                 }
                 if violation <= FEASIBLE / weight {
-                    // Met by letting others go, and dependent by rounding on those that are left: no contradiction.
-                    return Ok(true);
+                    // Met, perhaps by letting others go, and dependent by rounding on those that are left: no contradiction.
+                    return Ok(has_let_go);
                 }
                 self.certify(&member, answer);
                 return Err(Ended::Infeasible);
@@ -404,7 +405,10 @@ impl Run<'_, '_> {
                 add_scaled(self.y, step, self.c);
             }
             match (blocked_by, independent) {
-                (Some(index), _) => self.working.remove(index),
+                (Some(index), _) => {
+                    self.working.remove(index);
+                    has_let_go = true;
+                }
                 (None, Some(projection)) => {
                     self.working.push(member, &projection, self.c, self.d);
                     return Ok(true);
