@@ -29,6 +29,7 @@ pub struct Horizon<const N: usize, const D: usize> {
     starts: [f64; MAX_STEPS],
     len: usize,
     is_even: bool,
+    follows_within: bool,
     points: [ForcePoint<N>; MAX_FORCE_POINTS],
     point_count: usize,
 }
@@ -36,6 +37,11 @@ pub struct Horizon<const N: usize, const D: usize> {
 /// Whether any joint position at the end of a stretch depends on the reference during it.
 fn acts_at_once<const N: usize>(position_by_reference: &SVector<f64, N>) -> bool {
     position_by_reference.iter().any(|b| *b != 0.0)
+}
+
+/// Whether a wrench estimate at the end of a step depends on the motion within it.
+fn follows_within<const N: usize, const D: usize>(step: &Step<N, D>) -> bool {
+    step.wrench_by_velocity.iter().chain(&step.wrench_by_reference).any(|value| *value != 0.0)
 }
 
 impl<const N: usize, const D: usize> Horizon<N, D> {
@@ -61,6 +67,7 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
             starts: [0.0; MAX_STEPS],
             len: durations.len().min(MAX_STEPS),
             is_even: durations.windows(2).all(|pair| pair[0] == pair[1]),
+            follows_within: false,
             points: [none; MAX_FORCE_POINTS],
             point_count: 0,
         };
@@ -68,6 +75,7 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
         for (step, &duration) in durations.iter().enumerate().take(MAX_STEPS) {
             horizon.steps[step] = stretch(duration);
             horizon.starts[step] = start;
+            horizon.follows_within |= follows_within(&horizon.steps[step]);
             for &part in inside(step).iter().chain(&[1.0]) {
                 let to_here = stretch(duration * part);
                 let reached = step > 0 || acts_at_once(&to_here.position_by_reference);
@@ -94,6 +102,12 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
     /// Whether all steps are of one length.
     pub fn is_even(&self) -> bool {
         self.is_even
+    }
+
+    /// Whether a wrench estimate at the end of a step depends on the motion within it: not under Euler, unless the force is
+    /// measured ideally.
+    pub fn follows_within(&self) -> bool {
+        self.follows_within
     }
 
     /// The instants at which the force is bounded, in ascending order.

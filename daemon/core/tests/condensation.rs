@@ -5,7 +5,7 @@ mod common;
 use admittance_core::condensation::{MpcRows, condense};
 use admittance_core::plan::MAX_STEPS;
 use common::problems::{
-    Numbers, Problem, SLACK_CURVATURE, SLACK_UNIT, Shape, cases, largest, order, shapes, workspace,
+    DISCRETIZATIONS, Numbers, Problem, SLACK_CURVATURE, SLACK_UNIT, Shape, cases, largest, order, shapes, workspace,
 };
 
 /// What [`condense`] wrote, in the order of time: column a + m·k is input a of step k, and the last one the slack.
@@ -109,9 +109,10 @@ fn gradient_and_hessian_are_those_of_the_simulated_cost_for_any_number_of_joints
         assert_is_that_of_the_cost(&shape.problem::<7, 6>(&mut numbers), &format!("seven joints, {shape:?}"));
     }
     // The longest.
-    for (steps, inputs, by_task) in [(MAX_STEPS, 6, false), (MAX_STEPS, 3, false), (16, 3, true)] {
+    let longest = [(MAX_STEPS, 6, false), (MAX_STEPS, 3, false), (16, 3, true)];
+    for ((steps, inputs, by_task), discretization) in longest.into_iter().zip(DISCRETIZATIONS.into_iter().cycle()) {
         let (steps, estimate) = (vec![0.004; steps], [0.020, 0.030]);
-        let shape = Shape { steps, inputs, by_task, estimate, slack_price: Some(30.0), partial: false };
+        let shape = Shape { discretization, steps, inputs, by_task, estimate, slack_price: Some(30.0), partial: false };
         assert_is_that_of_the_cost(&shape.problem::<6, 6>(&mut numbers), &format!("{shape:?}"));
     }
 }

@@ -4,10 +4,9 @@ mod common;
 
 use admittance_core::condensation::{MpcRows, condense};
 use admittance_core::constraints::{Row, RowKind};
-use admittance_core::model::Discretization;
 use admittance_core::plan::MAX_STEPS;
 use admittance_core::qp::{LANES, Rows, padded};
-use common::problems::{Numbers, Point, Problem, SLACK_UNIT, Shape, largest, order, shapes, workspace};
+use common::problems::{Numbers, Point, Problem, SLACK_UNIT, Shape, first_reached, largest, order, shapes, workspace};
 
 /// A quantity that a row bounds, in the row's unit.
 struct Bounded {
@@ -46,14 +45,13 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
             push(RowKind::Rate, axis, k, value, rate.lower[axis] * since, rate.upper[axis] * since);
         }
     }
-    // Euler: no input moves a joint before the end of the second step.
-    for k in 1..h {
+    for k in first_reached(shape.discretization)..h {
         let value = states[k + 1].joint_position;
         (0..N).for_each(|i| push(RowKind::JointPosition, i, k, value[i], position.lower[i], position.upper[i]));
     }
     let slack = p.slack_price.map(|_| *z.last().expect("the slack is a variable"));
     for (instant, &Point { step: k, part, .. }) in shape.force_points().iter().enumerate() {
-        let to_here = Discretization::Euler.step(part * steps[k], &velocity_constant, &estimate);
+        let to_here = shape.discretization.step(part * steps[k], &velocity_constant, &estimate);
         let there = problem.model.advance(&to_here, &states[k], &problem.reference(z, k));
         let force = problem.model.linear_wrench(&there.joint_position);
         for bound in c.force.as_slice() {
@@ -189,6 +187,7 @@ fn rows_are_those_of_the_simulated_trajectory() {
         }
     }
     let longest = Shape {
+        discretization: admittance_core::model::Discretization::Euler,
         steps: vec![0.004; MAX_STEPS],
         inputs: 6,
         by_task: false,

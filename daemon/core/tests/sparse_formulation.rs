@@ -71,7 +71,7 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
     }
     let equalities = rows.len();
     let now = model.linear_wrench(&p.initial.joint_position);
-    for k in 2..=h {
+    for k in problem.horizon.first_reached() + 1..=h {
         for bound in bounds {
             let gradient = model.wrench_gradient.column(bound.axis) * bound.sign;
             let force = bound.sign * now[bound.axis];

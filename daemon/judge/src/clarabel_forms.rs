@@ -237,15 +237,29 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
                 self.form.bounds.push(right);
             }
             for (position, &axis) in self.wrench_axes.iter().enumerate() {
-                let (by_start, by_end) = (step.wrench_by_start[axis], step.wrench_by_end[axis]);
-                let mut right = (by_start + by_end) * model.wrench_offset[axis];
+                let (decay, follows) = (step.wrench_decay[axis], self.sequence.horizon.follows_within());
+                let mut right = (1.0 - decay) * model.wrench_offset[axis];
                 self.push(self.state(k + 1) + 2 * N + position, 1.0);
-                self.push_before(k, 2 * N + position, -step.wrench_decay[axis], initial.wrench[axis], &mut right);
+                self.push_before(k, 2 * N + position, -decay, initial.wrench[axis], &mut right);
                 for joint in 0..N {
                     let gradient = model.wrench_gradient[(joint, axis)];
-                    self.push_before(k, joint, -by_start * gradient, initial.joint_position[joint], &mut right);
-                    if by_end != 0.0 {
-                        self.push(self.state(k + 1) + joint, -by_end * gradient);
+                    let start = (initial.joint_position[joint], initial.joint_velocity[joint]);
+                    self.push_before(k, joint, (decay - 1.0) * gradient, start.0, &mut right);
+                    if follows {
+                        let by_velocity = step.wrench_by_velocity[(joint, axis)] * gradient;
+                        self.push_before(k, N + joint, -by_velocity, start.1, &mut right);
+                        right += step.wrench_by_reference[(joint, axis)] * gradient * known[joint];
+                    }
+                }
+                if follows {
+                    for (input, &input_axis) in self.axes.iter().enumerate() {
+                        let by_joint = |joint| {
+                            let by_reference = step.wrench_by_reference[(joint, axis)];
+                            by_reference
+                                * model.wrench_gradient[(joint, axis)]
+                                * model.jacobian_inverse[(joint, input_axis)]
+                        };
+                        self.push(self.input(k) + input, -(0..N).map(by_joint).sum::<f64>());
                     }
                 }
                 self.form.bounds.push(right);

@@ -15,7 +15,6 @@ use super::rows::MpcRows;
 use super::short::array;
 use super::{SLACK_CURVATURE, SLACK_UNIT};
 use crate::cost::Weights;
-use crate::model::Step;
 use crate::qp::{LANES, padded};
 
 /// Some columns of one row.
@@ -24,9 +23,9 @@ type Group = [f64; LANES];
 /// Most groups of columns.
 const MAX_GROUPS: usize = crate::qp::MAX_VARIABLES.div_ceil(LANES);
 
-/// Numbers in all panels together: wrench estimates and f_lin, then joints, or TCP velocities and positions.
+/// Numbers in all panels together: wrench estimates, then joints, or TCP velocities and positions.
 pub(super) const fn panels_len<const N: usize, const D: usize>(steps: usize) -> usize {
-    let rows = 2 * D + if N > 2 * D { N } else { 2 * D };
+    let rows = D + if N > 2 * D { N } else { 2 * D };
     // Columns are padded to whole groups of steps, and there is the slack.
     rows * (D * padded(steps) + LANES)
 }
@@ -163,104 +162,66 @@ impl<const N: usize, const K: usize, const M: usize> Spread<N, K, M> {
         }))
     }
 
-    /// The outputs, by output and input axis, where each joint has responded like this.
+    /// The outputs, by output and input axis, where the joints have responded like this to each output.
     #[inline(always)]
-    fn of(&self, responses: &[f64; N]) -> [[f64; M]; K] {
+    fn of<'r>(&self, responses: impl Fn(usize) -> &'r [f64; N]) -> [[f64; M]; K] {
         let mut sums = [[0.0; M]; K];
-        for joint in 0..N {
-            for (sum, by_joint) in sums.as_flattened_mut().iter_mut().zip(self.0[joint].as_flattened()) {
-                *sum += responses[joint] * by_joint;
+        for (output, sums) in sums.iter_mut().enumerate() {
+            let responses = responses(output);
+            for joint in 0..N {
+                for (sum, by_joint) in sums.iter_mut().zip(&self.0[joint][output]) {
+                    *sum += responses[joint] * by_joint;
+                }
             }
         }
         sums
     }
+
+    /// Writes the outputs of columns of steps from `first` on, with what `responses` gives for one of them.
+    #[inline(always)]
+    fn write<'r>(
+        &self,
+        panel: &mut [[Group; K]],
+        columns: core::ops::Range<usize>,
+        responses: impl Fn(usize, usize) -> &'r [f64; N],
+    ) {
+        for reversed in columns {
+            let outputs = self.of(|output| responses(reversed, output));
+            for a in 0..M {
+                put(panel, reversed * M + a, &core::array::from_fn(|output| outputs[output][a]));
+            }
+        }
+    }
 }
 
-/// Wrench estimates and f_lin.
+/// Wrench estimates.
 struct WrenchOutputs<'a, const N: usize, const M: usize> {
     axes: &'a [usize],
     /// Of unused outputs zero, as their responses are.
     weight: [f64; M],
     spread: Spread<N, M, M>,
     estimates: &'a mut [[Group; M]],
-    linear: &'a mut [[Group; M]],
 }
 
 impl<'a, const N: usize, const M: usize> WrenchOutputs<'a, N, M> {
     #[inline(always)]
-    fn new<const D: usize>(
-        rows: &MpcRows<'a, N, D, M>,
-        estimates: &'a mut [[Group; M]],
-        linear: &'a mut [[Group; M]],
-    ) -> Self {
+    fn new<const D: usize>(rows: &MpcRows<'a, N, D, M>, estimates: &'a mut [[Group; M]]) -> Self {
         let prediction = rows.prediction;
         let (Weights::Joint { wrench, .. } | Weights::Task { wrench, .. }) = prediction.weights;
         let axes = prediction.wrench_axes.as_slice();
         let gradients = &rows.model.wrench_gradient.data.0;
         let gradient = |output: usize, joint: usize| axes.get(output).map_or(0.0, |&axis| gradients[axis][joint]);
         let weight = core::array::from_fn(|output| axes.get(output).map_or(0.0, |&axis| wrench[axis]));
-        Self { axes, weight, spread: Spread::new(rows, gradient), estimates, linear }
+        Self { axes, weight, spread: Spread::new(rows, gradient), estimates }
     }
 
-    /// e, g, h of a step, by output.
+    /// At the end of step `step`, which inputs from the column of steps `first` on reach.
     #[inline(always)]
-    fn filter<const D: usize>(&self, step: &Step<N, D>) -> [[f64; M]; 3] {
-        [&step.wrench_decay, &step.wrench_by_start, &step.wrench_by_end]
-            .map(|by_axis| core::array::from_fn(|output| self.axes.get(output).map_or(0.0, |&axis| by_axis[axis])))
-    }
-
-    /// The estimates at the end of the last of even steps. The response at one lag follows from that at the lag before, one
-    /// column of inputs earlier.
-    #[inline(always)]
-    fn write_by_lag<const D: usize>(&mut self, positions: &[[f64; N]], step: &Step<N, D>) {
-        let [e, g, h] = self.filter(step);
-        let (mut before, mut linear_before) = ([[0.0; M]; M], [[0.0; M]; M]);
-        for (reversed, position) in positions.iter().enumerate() {
-            let linear = self.spread.of(position);
-            for output in 0..M {
-                for a in 0..M {
-                    before[output][a] = e[output] * before[output][a]
-                        + g[output] * linear_before[output][a]
-                        + h[output] * linear[output][a];
-                }
-            }
-            linear_before = linear;
-            for a in 0..M {
-                put(self.estimates, reversed * M + a, &core::array::from_fn(|output| before[output][a]));
-            }
-        }
-    }
-
-    /// From the end of step k − 1 to that of step k, before which no input of the first `first` columns of steps acts.
-    #[inline(always)]
-    fn advance<const D: usize>(&mut self, positions: &[[f64; N]], first: usize, step: &Step<N, D>) {
-        let [e, g, h] = self.filter(step);
-        for (estimates, linear) in self.estimates.iter_mut().zip(&*self.linear) {
-            for output in 0..M {
-                for lane in 0..LANES {
-                    estimates[output][lane] = e[output] * estimates[output][lane] + g[output] * linear[output][lane];
-                }
-            }
-        }
-        for (reversed, position) in positions.iter().enumerate().skip(first) {
-            let linear = self.spread.of(position);
-            for a in 0..M {
-                put(self.linear, reversed * M + a, &core::array::from_fn(|output| linear[output][a]));
-            }
-        }
-        for (estimates, linear) in self.estimates.iter_mut().zip(&*self.linear) {
-            for output in 0..M {
-                for lane in 0..LANES {
-                    estimates[output][lane] += h[output] * linear[output][lane];
-                }
-            }
-        }
-    }
-
-    /// Before the first step.
-    fn reset(&mut self) {
-        self.estimates.fill([[0.0; LANES]; M]);
-        self.linear.fill([[0.0; LANES]; M]);
+    fn write<const D: usize>(&mut self, responses: &Responses<'_, N, D>, step: usize, first: usize) {
+        let by_column = responses.wrench(step);
+        // An output that is not used has a gradient of zero, whatever the response.
+        let axes: [usize; M] = core::array::from_fn(|output| self.axes.get(output).copied().unwrap_or(0));
+        self.spread.write(self.estimates, first..by_column.len(), |column, output| &by_column[column][axes[output]]);
     }
 
     #[inline(always)]
@@ -282,18 +243,11 @@ struct TcpOutputs<'a, const N: usize, const D: usize, const M: usize> {
 impl<const N: usize, const D: usize, const M: usize> TcpOutputs<'_, N, D, M> {
     /// At the end of step `step`, which inputs from the column of steps `first` on reach.
     #[inline(always)]
-    fn write(&mut self, responses: &Responses<'_, N>, step: usize, first: usize) {
-        let write_one = |panel: &mut [[Group; D]], by_joint: &[[f64; N]]| {
-            for (reversed, responses) in by_joint.iter().enumerate().skip(first) {
-                let outputs = self.spread.of(responses);
-                for a in 0..M {
-                    put(panel, reversed * M + a, &core::array::from_fn(|output| outputs[output][a]));
-                }
-            }
-        };
-        write_one(self.velocities, responses.velocity(step));
+    fn write(&mut self, responses: &Responses<'_, N, D>, step: usize, first: usize) {
+        let (velocity, position) = (responses.velocity(step), responses.position(step));
+        self.spread.write(self.velocities, first..velocity.len(), |column, _| &velocity[column]);
         if self.has_position {
-            write_one(self.positions, responses.position(step));
+            self.spread.write(self.positions, first..position.len(), |column, _| &position[column]);
         }
     }
 
@@ -341,7 +295,7 @@ fn write_joints<const N: usize, const M: usize>(
 // Apart from its neighbours: in one function they would share too few registers.
 #[inline(never)]
 pub(super) fn write<const N: usize, const D: usize, const M: usize>(
-    responses: &Responses<'_, N>,
+    responses: &Responses<'_, N, D>,
     rows: &MpcRows<'_, N, D, M>,
     hessian: &mut [f64],
     stride: usize,
@@ -351,12 +305,9 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
     let (steps, is_even) = (horizon.steps(), horizon.is_even());
     let (last, n, groups) = (steps.len() - 1, M * steps.len(), stride / LANES);
     let (estimates, rest) = panel(scratch, groups);
-    let (linear, rest) = panel(rest, groups);
-    let mut wrench = WrenchOutputs::new(rows, estimates, linear);
+    let mut wrench = WrenchOutputs::new(rows, estimates);
     if is_even {
-        wrench.write_by_lag(responses.position(last), &steps[last]);
-    } else {
-        wrench.reset();
+        wrench.write(responses, last, 0);
     }
     let mut triangle = Triangle { values: hessian, stride, is_even };
     match prediction.weights {
@@ -384,8 +335,8 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
                     }
                 }
             }
-            for (k, step) in steps.iter().enumerate().filter(|_| !is_even) {
-                wrench.advance(responses.position(k), last - k, step);
+            for k in (0..=last).filter(|_| !is_even) {
+                wrench.write(responses, k, last - k);
                 for index in (last - k) * M..n {
                     add(triangle.row(index), None, &wrench.terms(index), &NOTHING);
                 }
@@ -411,8 +362,8 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
                     tcp.add_to(row, shifted, &wrench, index);
                 }
             }
-            for (k, step) in steps.iter().enumerate().filter(|_| !is_even) {
-                wrench.advance(responses.position(k), last - k, step);
+            for k in (0..=last).filter(|_| !is_even) {
+                wrench.write(responses, k, last - k);
                 tcp.write(responses, k, last - k);
                 for index in (last - k) * M..n {
                     tcp.add_to(triangle.row(index), None, &wrench, index);

@@ -104,7 +104,7 @@ impl Capacity {
         let panels = hessian::panels_len::<N, D>(steps);
         let checks = 3 * padded(variables) + MAX_ROWS;
         let trajectory = trajectory::trajectory_len::<N, D>(steps);
-        Self { variables, tables: responses::table_len::<N>(steps), scratch: panels.max(checks).max(trajectory) }
+        Self { variables, tables: responses::table_len::<N, D>(steps), scratch: panels.max(checks).max(trajectory) }
     }
 
     /// Number of f64 that [`Workspace::new`] wants.
@@ -206,7 +206,7 @@ impl Pieces<'_> {
 /// n² (3 m + H m) / 2 at most.
 pub fn condense<const N: usize, const D: usize, const M: usize>(rows: &MpcRows<'_, N, D, M>, pieces: &mut Pieces<'_>) {
     let steps = rows.horizon.steps().len();
-    let responses = responses::Responses::<N>::of(pieces.tables, steps);
+    let responses = responses::Responses::<N, D>::of(pieces.tables, steps);
     let mut free = trajectory::FreeTrajectory::within(pieces.scratch, steps);
     trajectory::write_gradient(rows, pieces.gradient, &mut free);
     rows.write_bounds(&free, pieces.lower, pieces.upper, pieces.weight);

@@ -91,7 +91,7 @@ impl<const K: usize> Short<K> {
     }
 
     #[inline(always)]
-    fn dot(self, other: Self) -> f64 {
+    pub(super) fn dot(self, other: Self) -> f64 {
         let products = self.times(other);
         products.0[..Self::USED].iter().fold(f64x4::ZERO, |sum, group| sum + *group).reduce_add()
     }

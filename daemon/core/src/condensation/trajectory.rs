@@ -76,6 +76,45 @@ impl<const N: usize, const M: usize> Estimates<N, M> {
     fn linear(&self, position: Short<N>) -> Short<M> {
         self.gradients.times(position).plus(self.offset)
     }
+
+    /// K_e J (A q̇ + B r).
+    // Apart, as what it leaves out is none of Euler's.
+    #[inline(never)]
+    fn followed_within<const D: usize>(
+        &self,
+        axes: &[usize],
+        step: &Step<N, D>,
+        velocity: Short<N>,
+        reference: Short<N>,
+    ) -> Short<M> {
+        let mut followed = [0.0; M];
+        for ((followed, gradient), &axis) in followed.iter_mut().zip(&self.gradients.rows).zip(axes) {
+            let (by_velocity, by_reference) = within(step, axis);
+            let moved = velocity.times_plus(by_velocity, reference.times(by_reference));
+            *followed = moved.dot(Short::new(gradient));
+        }
+        Short::new(&followed)
+    }
+
+    /// What `push`, the sensitivity to the estimates at the end of a step, means for the motion within it: adds it to that of
+    /// q̇ at the start, and gives that of r.
+    #[inline(never)]
+    fn sensitivity_within<const D: usize>(
+        &self,
+        axes: &[usize],
+        step: &Step<N, D>,
+        push: Short<M>,
+        costate: &mut Joints<N>,
+    ) -> Short<N> {
+        let mut reference = Short::ZERO;
+        for ((push, gradient), &axis) in push.array().into_iter().zip(&self.gradients.rows).zip(axes) {
+            let (by_velocity, by_reference) = within(step, axis);
+            let pushed = Short::new(gradient).times(Short::splat(push));
+            costate.velocity = pushed.times_plus(by_velocity, costate.velocity);
+            reference = pushed.times_plus(by_reference, reference);
+        }
+        reference
+    }
 }
 
 /// The numbers of these axes.
@@ -84,23 +123,25 @@ fn pick<const D: usize, const M: usize>(axes: &[usize], by_axis: &SVector<f64, D
     Short::new(&core::array::from_fn(|index| axes.get(index).map_or(0.0, |&axis| by_axis[axis])))
 }
 
-/// e, g, h of the wrench estimates in one step.
+/// e and 1 − e of the wrench estimates in one step.
 #[derive(Clone, Copy)]
 struct Filter<const M: usize> {
     decay: Short<M>,
     by_start: Short<M>,
-    by_end: Short<M>,
 }
 
 impl<const M: usize> Filter<M> {
     #[inline(always)]
     fn of<const N: usize, const D: usize>(axes: &[usize], step: &Step<N, D>) -> Self {
-        Self {
-            decay: pick(axes, &step.wrench_decay),
-            by_start: pick(axes, &step.wrench_by_start),
-            by_end: pick(axes, &step.wrench_by_end),
-        }
+        let decay = pick(axes, &step.wrench_decay);
+        Self { decay, by_start: Short::splat(1.0).minus(decay) }
     }
+}
+
+/// A and B of one axis in a step.
+#[inline(always)]
+fn within<const N: usize, const D: usize>(step: &Step<N, D>, axis: usize) -> (Short<N>, Short<N>) {
+    (Short::new(&step.wrench_by_velocity.data.0[axis]), Short::new(&step.wrench_by_reference.data.0[axis]))
 }
 
 /// Writes the free trajectory, and g; zero beyond the variables.
@@ -112,6 +153,7 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     free: &mut FreeTrajectory<'_, N, M>,
 ) {
     let (prediction, is_even) = (rows.prediction, rows.horizon.is_even());
+    let follows_within = rows.horizon.follows_within();
     let (steps, axes) = (rows.horizon.steps(), prediction.wrench_axes.as_slice());
     let estimates = Estimates::new(rows);
     let mut filter = Filter::of(axes, &steps[0]);
@@ -119,17 +161,19 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     let mut joints =
         Joints { position: Short::of(&initial.joint_position), velocity: Short::of(&initial.joint_velocity) };
     let mut wrench: Short<M> = pick(axes, &initial.wrench);
-    let mut linear = estimates.linear(joints.position);
     free.joints[0] = [joints.position.array(), joints.velocity.array()];
     let places = free.joints[1..].iter_mut().zip(free.wrench.iter_mut());
     for ((step, reference), (joints_after, wrench_after)) in steps.iter().zip(prediction.known_reference).zip(places) {
         if !is_even {
             filter = Filter::of(axes, step);
         }
-        joints.advance(step, Short::of(reference));
-        let before = linear.times(filter.by_start);
-        linear = estimates.linear(joints.position);
-        wrench = wrench.times_plus(filter.decay, linear.times_plus(filter.by_end, before));
+        let reference = Short::of(reference);
+        let followed = estimates.linear(joints.position).times(filter.by_start);
+        wrench = wrench.times_plus(filter.decay, followed);
+        if follows_within {
+            wrench = wrench.plus(estimates.followed_within(axes, step, joints.velocity, reference));
+        }
+        joints.advance(step, reference);
         *joints_after = [joints.position.array(), joints.velocity.array()];
         *wrench_after = wrench.array();
     }
@@ -153,9 +197,11 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
         }
         add_joint_cost(rows, &jacobian, &joints_of(joints), &mut costate);
         push = Short::new(wrench).minus(estimates.set_point).times_plus(estimates.weight, push);
-        // Sensitivity to q at the end of the step, through q itself and through f̂ there.
-        costate.position = costate.position.plus(estimates.gradients.transposed_times(push.times(filter.by_end)));
-        *place = rows.inputs.transposed_times(costate.back(step)).array();
+        let mut reference = costate.back(step);
+        if follows_within {
+            reference = reference.plus(estimates.sensitivity_within(axes, step, push, &mut costate));
+        }
+        *place = rows.inputs.transposed_times(reference).array();
         costate.position = costate.position.plus(estimates.gradients.transposed_times(push.times(filter.by_start)));
         push = push.times(filter.decay);
     }

@@ -12,6 +12,16 @@ use super::{joint_weights, model, parameters, pushing, task_weights};
 pub(crate) const UNIFORM: [f64; 5] = [0.004; 5];
 pub(crate) const UNEVEN: [f64; 4] = [0.002, 0.004, 0.003, 0.006];
 
+pub(crate) const DISCRETIZATIONS: [Discretization; 2] = [Discretization::Euler, Discretization::Zoh];
+
+/// The first step at whose end an input can have moved a joint: under Euler it cannot in its own.
+pub(crate) fn first_reached(discretization: Discretization) -> usize {
+    match discretization {
+        Discretization::Euler => 1,
+        Discretization::Zoh => 0,
+    }
+}
+
 /// N in one unit of the slack variable.
 pub(crate) const SLACK_UNIT: f64 = 100.0;
 /// By how much one unit of slack raises the slack's price, relative to it.
@@ -20,6 +30,7 @@ pub(crate) const SLACK_CURVATURE: f64 = 0.01;
 /// A problem (18) on the paper's arm: in contact with `force` N, approaching at `speed`, the joints moving accordingly
 /// times `moving`.
 pub(crate) struct Case {
+    pub(crate) discretization: Discretization,
     pub(crate) axes: [bool; 2],
     pub(crate) weights: Weights<2, 2>,
     pub(crate) steps: &'static [f64],
@@ -77,7 +88,7 @@ impl Case {
             slack_price: None,
         };
         let horizon = Horizon::new(
-            Discretization::Euler,
+            self.discretization,
             self.steps,
             |_| &[],
             &parameters.velocity_time_constant,
@@ -95,7 +106,9 @@ pub(crate) fn cases() -> Vec<Case> {
                 for estimate in [0.020, 0.0] {
                     // At ease; pressing near f_max and still going in; hardly touching and leaving.
                     for (force, speed, moving) in [(60.0, 0.05, 0.0), (205.0, 0.04, 0.3), (12.0, -0.03, 0.3)] {
-                        cases.push(Case { axes, weights, steps, estimate, force, speed, moving });
+                        for discretization in DISCRETIZATIONS {
+                            cases.push(Case { discretization, axes, weights, steps, estimate, force, speed, moving });
+                        }
                     }
                 }
             }
@@ -138,6 +151,7 @@ impl Numbers {
 /// What an arbitrary problem is made of; the numbers in it come from [`Numbers`].
 #[derive(Debug, Clone)]
 pub(crate) struct Shape {
+    pub(crate) discretization: Discretization,
     pub(crate) steps: Vec<f64>,
     /// How many axes have an input: the last ones, so that an axis and its position among the inputs differ.
     pub(crate) inputs: usize,
@@ -166,10 +180,9 @@ impl Shape {
         if step < 3 { &INSIDE } else { &[] }
     }
 
-    /// Euler: no input reaches the first step.
     pub(crate) fn force_points(&self) -> Vec<Point> {
         let mut points = Vec::new();
-        for k in 1..self.steps.len() {
+        for k in first_reached(self.discretization)..self.steps.len() {
             let start: f64 = self.steps[..k].iter().sum();
             for &part in self.inside(k).iter().chain(&[1.0]) {
                 points.push(Point { step: k, part, time: start + part * self.steps[k] });
@@ -240,7 +253,7 @@ impl Shape {
             slack_price: self.slack_price,
         };
         let (velocity, estimate) = self.time_constants();
-        let horizon = Horizon::new(Discretization::Euler, &self.steps, |step| self.inside(step), &velocity, &estimate);
+        let horizon = Horizon::new(self.discretization, &self.steps, |step| self.inside(step), &velocity, &estimate);
         Problem { model, horizon, prediction }
     }
 }
@@ -255,9 +268,12 @@ pub(crate) fn shapes() -> Vec<Shape> {
             let uneven: Vec<_> = (0..steps).map(|step| UNEVEN[step % UNEVEN.len()]).collect();
             for steps in [even, uneven] {
                 for (by_task, partial) in [(false, false), (false, true), (true, false), (true, true)] {
-                    let estimate = estimates[shapes.len() % estimates.len()];
+                    let estimate = estimates[shapes.len() / DISCRETIZATIONS.len() % estimates.len()];
                     let slack_price = (by_task != partial).then_some(30.0);
-                    shapes.push(Shape { steps: steps.clone(), inputs, by_task, estimate, slack_price, partial });
+                    for discretization in DISCRETIZATIONS {
+                        let steps = steps.clone();
+                        shapes.push(Shape { discretization, steps, inputs, by_task, estimate, slack_price, partial });
+                    }
                 }
             }
         }
