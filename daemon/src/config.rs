@@ -1,5 +1,6 @@
 //! The configuration file: every key with its unit and range. `admittancectl validate` checks a file against it.
 
+use admittance_core::under_way::MAX_DELAY_CYCLES;
 use admittance_host::config::ConfigError;
 use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
@@ -68,6 +69,37 @@ fn answer_in_time(control: &Control, path: &str, errors: &mut Vec<ConfigError>) 
     }
 }
 
+config_enum! {
+    /// Where the sign of a contact comes from.
+    pub enum ContactSignName {
+        /// From the surface normal: in contact every admittance axis with a component of it has an upper bound; an axis
+        /// without one has none and does not join by itself.
+        Normal = "normal",
+        /// From f̂ when the axis joins; only axes in contact have bounds (the paper).
+        Wrench = "wrench",
+    }
+}
+
+config_enum! {
+    /// When the minimum force holds.
+    pub enum LowerBoundName {
+        /// Once it has been reached, until the commanded twist points out of the surface.
+        OnceReached = "once_reached",
+        /// As long as an axis is active (18e): it then can make the problem infeasible, and the arm cannot lift off.
+        Always = "always",
+    }
+}
+
+config_enum! {
+    /// What losing the contact, once the minimum force was reached, leads to.
+    pub enum OnContactLostName {
+        /// Control goes on in free motion.
+        Continue = "continue",
+        /// Zero joint velocity until a reset.
+        Stop = "stop",
+    }
+}
+
 config_section! {
     /// Contact and force, one value per task axis: N on x y z, N·m on rx ry rz.
     pub struct ContactSection {
@@ -83,6 +115,16 @@ config_section! {
         minimum_force: Vec<f64>, unit "N, N m", range 0.0..=1e4, length 2..=6;
         /// Time constant of the wrench estimate T_est (6); 0 for a sensor without lag.
         wrench_time_constant_s: Vec<f64>, unit "s", range 0.0..=0.5, length 2..=6;
+        /// Force along the inward normal that the cost aims at: f_ref of the set point.
+        normal_force_reference_n: f64 = 0.0, unit "N", range 0.0..=1e5;
+        /// Where the sign of a contact comes from.
+        sign: ContactSignName = ContactSignName::Normal;
+        /// When the minimum force holds.
+        lower_bound: LowerBoundName = LowerBoundName::OnceReached;
+        /// What losing the contact, once the minimum force was reached, leads to.
+        on_contact_lost: OnContactLostName = OnContactLostName::Continue;
+        /// Part of the force limit by which a plan may exceed it before that is infeasible: for what a linear model leaves out.
+        limit_tolerance: f64 = 0.0025, unit "1", range 0.0..=0.1;
     }
     cross_check ordered_thresholds;
 }
@@ -104,6 +146,16 @@ fn ordered_thresholds(contact: &ContactSection, path: &str, errors: &mut Vec<Con
     pairwise(("minimum_force", &contact.minimum_force), limit, true);
 }
 
+config_enum! {
+    /// Where the contact point comes from.
+    pub enum ContactPointName {
+        /// contact_point_m.
+        Configured = "configured",
+        /// The first samples in contact say how deep the surface is along its normal.
+        Detected = "detected",
+    }
+}
+
 config_section! {
     /// The surface: a stiff plane, base frame.
     pub struct EnvironmentSection {
@@ -111,18 +163,43 @@ config_section! {
         normal_stiffness_n_m: f64, unit "N/m", range 100.0..=1e8;
         /// Outward normal, out of the material; any length above zero. (21): [sin(angle), cos(angle), 0].
         surface_normal: [f64; 3], unit "1", range -1.0..=1.0;
-        /// Position of the TCP at first contact.
-        contact_point_m: [f64; 3], unit "m", range -100.0..=100.0;
+        /// Where the contact point comes from.
+        contact: ContactPointName = ContactPointName::Configured;
+        /// Position of the TCP at first contact; not used with contact = "detected".
+        contact_point_m: Option<[f64; 3]>, unit "m", range -100.0..=100.0;
+        /// Standard deviation of the wrench estimate on one axis; with contact = "detected" the margin of the verdict is
+        /// reduced by what two of them make of the contact point.
+        wrench_noise_n: f64 = 0.0, unit "N", range 0.0..=100.0;
         /// Orientation of the TCP at first contact: fixed-axis roll, pitch, yaw.
         contact_rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;
+    }
+    cross_check known_contact_point;
+}
+
+fn known_contact_point(environment: &EnvironmentSection, path: &str, errors: &mut Vec<ConfigError>) {
+    if environment.contact == ContactPointName::Configured && environment.contact_point_m.is_none() {
+        let accepted = format!("three coordinates, or {path}.contact = \"detected\"");
+        errors.push(ConfigError::new(format!("{path}.contact_point_m"), "absent", accepted));
     }
 }
 
 config_enum! {
     /// How the continuous model becomes a step.
     pub enum DiscretizationName {
+        /// Exact under a constant joint velocity reference.
+        Zoh = "zoh",
         /// First-order Euler (17).
         Euler = "euler",
+    }
+}
+
+config_enum! {
+    /// Where the force is bounded.
+    pub enum ForcePointsName {
+        /// Within steps as well, at most 1/20 of the fastest joint's time constant apart where the force may still peak.
+        Dense = "dense",
+        /// At the end of every step that an input reaches.
+        StepEnds = "step_ends",
     }
 }
 
@@ -170,15 +247,20 @@ config_section! {
     /// The MPC (18). A minimum-force stop uses its model and horizon under every law.
     pub struct MpcSection {
         /// How the continuous model becomes a step.
-        discretization: DiscretizationName = DiscretizationName::Euler;
-        /// Number of steps H of one sampling time each; not together with step_lengths_s.
+        discretization: DiscretizationName = DiscretizationName::Zoh;
+        /// Number of steps H of one sampling time each; not together with step_lengths_s. Without either, at most 16 steps span
+        /// three of the slowest joint's time constants: the first four of one sampling time, the others growing.
         horizon: Option<u32>, unit "steps", range 2..=32;
         /// Length of each step, the first equal to the sampling time; not together with horizon.
         step_lengths_s: Option<Vec<f64>>, unit "s", range 0.0001..=0.1, length 2..=32;
+        /// Where the force is bounded.
+        force_points: ForcePointsName = ForcePointsName::Dense;
+        /// Whether commands that are given but do not act yet (control.command_delay_s) are part of the model.
+        model_delay: bool = true;
         /// Which axes get an input.
-        inputs: InputsName = InputsName::Active;
+        inputs: InputsName = InputsName::All;
         /// Whether position_weight and velocity_weight are per joint or per task axis.
-        weights: WeightSpace = WeightSpace::Joint;
+        weights: WeightSpace = WeightSpace::Task;
         /// Weight of position errors, per joint (1/rad²) or task axis (1/m², 1/rad²).
         position_weight: Vec<f64>, unit "1/rad^2, 1/m^2", range 0.0..=1e9, length 2..=8;
         /// Weight of velocity errors, per joint (s²/rad²) or task axis (s²/m², s²/rad²).
@@ -188,7 +270,7 @@ config_section! {
         /// Weight R of the offset, per task axis.
         input_weight: Vec<f64>, unit "s^2/m^2, s^2/rad^2", range 1e-6..=1e9, length 2..=6;
         /// What an infeasible verdict leads to.
-        on_infeasible: OnInfeasibleName = OnInfeasibleName::Halt;
+        on_infeasible: OnInfeasibleName = OnInfeasibleName::MinimumForce;
         /// Who solves the QP.
         solver: SolverName = SolverName::ActiveSet;
         /// Relative tolerance of Clarabel. Under either solver a solution is used if its residual is at most 1000 times this.
@@ -200,13 +282,9 @@ config_section! {
 }
 
 fn one_kind_of_horizon(mpc: &MpcSection, path: &str, errors: &mut Vec<ConfigError>) {
-    if mpc.horizon.is_some() == mpc.step_lengths_s.is_some() {
-        let found = if mpc.horizon.is_some() { "given together with step_lengths_s" } else { "absent" };
-        errors.push(ConfigError::new(
-            format!("{path}.horizon"),
-            found,
-            format!("either {path}.horizon or {path}.step_lengths_s"),
-        ));
+    if mpc.horizon.is_some() && mpc.step_lengths_s.is_some() {
+        let accepted = format!("{path}.horizon or {path}.step_lengths_s, or neither");
+        errors.push(ConfigError::new(format!("{path}.horizon"), "given together with step_lengths_s", accepted));
     }
 }
 
@@ -219,10 +297,21 @@ config_section! {
 }
 
 config_section! {
-    /// Bounds of the offset under every law.
+    /// Limits of joints and offset. The MPC and the minimum-force stop know them as constraints; of what is not optimised the
+    /// offset is cut.
     pub struct LimitsSection {
         /// Largest |Δṗ| per task axis.
         velocity_offset: Vec<f64>, unit "m/s, rad/s", range 0.001..=20.0, length 2..=6;
+        /// Largest speed reference of each joint, J⁻¹ (ṗ0 + Δṗ).
+        joint_speed_rad_s: Option<Vec<f64>>, unit "rad/s", range 0.01..=100.0, length 2..=8;
+        /// Smallest position of each joint; together with joint_position_max_rad.
+        joint_position_min_rad: Option<Vec<f64>>, unit "rad", range -100.0..=100.0, length 2..=8;
+        /// Largest position of each joint.
+        joint_position_max_rad: Option<Vec<f64>>, unit "rad", range -100.0..=100.0, length 2..=8;
+        /// Largest rate of Δṗ per task axis toward the surface, and either way on an axis that does not feel it.
+        inward_rate_m_s2: Option<Vec<f64>>, unit "m/s^2, rad/s^2", range 0.01..=1e5, length 2..=6;
+        /// Largest rate of Δṗ per task axis out of the surface; unlimited when absent.
+        outward_rate_m_s2: Option<Vec<f64>>, unit "m/s^2, rad/s^2", range 0.01..=1e5, length 2..=6;
         /// Rate at which the offset of a released axis returns to zero.
         release_rate_m_s2: f64 = 10.0, unit "m/s^2, rad/s^2", range 0.01..=1000.0;
     }
@@ -239,6 +328,13 @@ config_section! {
         stop_force_n: Option<f64>, unit "N", range 0.1..=1e5;
         /// Longest minimum-force stop; then the arm is held whatever the force is.
         stop_timeout_s: f64 = 1.0, unit "s", range 0.01..=10.0;
+        /// A measured force this far above its limit stops, whatever the model says; no such guard when absent.
+        force_guard_n: Option<f64>, unit "N, N m", range 0.0..=1e5;
+        /// A measured pressing force this far from the one that the model expects at the measured pose stops; no such guard when
+        /// absent. An error of 1 mm in the contact point is 100 N at 1e5 N/m.
+        mismatch_n: Option<f64>, unit "N", range 0.1..=1e5;
+        /// For so many cycles in a row.
+        mismatch_cycles: u32 = 3, unit "cycles", range 1..=1000;
     }
 }
 
@@ -292,7 +388,17 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
         ("limits.velocity_offset", config.limits.velocity_offset.len(), per_axis),
         ("damping.damping_n_s_m", damping, per_axis),
     ];
-    for (key, found, (accepted, which)) in lengths {
+    let limits = &config.limits;
+    let per_joint = (joints, "one for each joint");
+    let optional = [
+        ("limits.joint_speed_rad_s", &limits.joint_speed_rad_s, per_joint),
+        ("limits.joint_position_min_rad", &limits.joint_position_min_rad, per_joint),
+        ("limits.joint_position_max_rad", &limits.joint_position_max_rad, per_joint),
+        ("limits.inward_rate_m_s2", &limits.inward_rate_m_s2, per_axis),
+        ("limits.outward_rate_m_s2", &limits.outward_rate_m_s2, per_axis),
+    ];
+    let optional = optional.into_iter().filter_map(|(key, list, which)| Some((key, list.as_ref()?.len(), which)));
+    for (key, found, (accepted, which)) in lengths.into_iter().chain(optional) {
         if found != accepted {
             errors.push(ConfigError::new(key, format!("{found} values"), format!("{accepted} values, {which}")));
         }
@@ -319,8 +425,31 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
             "a vector with a component on the task axes",
         ));
     }
+    let delayed = config.control.command_delay_s;
+    if config.mpc.model_delay && delayed > MAX_DELAY_CYCLES * sampling_time {
+        let accepted = format!("at most {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s with mpc.model_delay");
+        errors.push(ConfigError::new("control.command_delay_s", delayed, accepted));
+    }
+    joint_positions(limits, errors);
     // A limit below the threshold of activation would be passed before the law begins.
     if !config.contact.admittance_axes.contains(&true) {
         errors.push(ConfigError::new("contact.admittance_axes", "all false", "at least one true"));
+    }
+}
+
+fn joint_positions(limits: &LimitsSection, errors: &mut Vec<ConfigError>) {
+    match (&limits.joint_position_min_rad, &limits.joint_position_max_rad) {
+        (Some(min), Some(max)) => {
+            for (joint, (min, max)) in min.iter().zip(max).enumerate().filter(|(_, (min, max))| min >= max) {
+                let accepted = format!("below limits.joint_position_max_rad[{joint}] = {max}");
+                errors.push(ConfigError::new(format!("limits.joint_position_min_rad[{joint}]"), min, accepted));
+            }
+        }
+        (None, None) => {}
+        (min, _) => {
+            let absent = if min.is_some() { "max" } else { "min" };
+            let accepted = "both joint_position_min_rad and joint_position_max_rad, or neither";
+            errors.push(ConfigError::new(format!("limits.joint_position_{absent}_rad"), "absent", accepted));
+        }
     }
 }

@@ -4,13 +4,23 @@ use admittance_core::contact::Thresholds;
 use admittance_core::cost::Weights;
 use admittance_core::environment::Environment;
 use admittance_core::model::Discretization;
-use admittance_core::parameters::{InputSelection, Law, Mpc, OffsetLimits, OnInfeasible, Parameters, Stopping, Timing};
+use admittance_core::constraints::Interval;
+use admittance_core::horizon::growing_steps;
+use admittance_core::parameters::{
+    ContactPoint, ContactSign, ForcePoints, Guards, InputSelection, Law, LowerBound, MotionLimits, Mpc, OnContactLost, OnInfeasible,
+    Parameters, Stopping, Timing,
+};
 use admittance_core::plan::MAX_STEPS;
 use admittance_core::robot::{Pose, rotation_from_rpy};
 use nalgebra::{SVector, Vector3};
 
-use crate::config::{Config, DiscretizationName, InputsName, LawName, OnInfeasibleName, WeightSpace};
+use crate::config::{
+    Config, ContactPointName, ContactSignName, DiscretizationName, ForcePointsName, InputsName, LawName, LowerBoundName,
+    OnContactLostName, OnInfeasibleName, WeightSpace,
+};
 
+/// Span of a horizon that is not given, in time constants of the slowest joint.
+const HORIZON_LAGS: f64 = 3.0;
 /// Largest KKT residual of a usable solution, as a multiple of the solver's own tolerance.
 const RESIDUAL_FACTOR: f64 = 1e3;
 
@@ -21,7 +31,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
     let chain = config.robot.chain::<N>()?;
     let vector = |values: &[f64]| (values.len() == D).then(|| SVector::<f64, D>::from_column_slice(values));
     let joints = |values: &[f64]| (values.len() == N).then(|| SVector::<f64, N>::from_column_slice(values));
-    let (contact, mpc) = (&config.contact, &config.mpc);
+    let (contact, mpc, limits) = (&config.contact, &config.mpc, &config.limits);
 
     let mut steps = [0.0; MAX_STEPS];
     let horizon = match &mpc.step_lengths_s {
@@ -29,10 +39,18 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
             steps.iter_mut().zip(lengths).for_each(|(step, length)| *step = *length);
             lengths.len()
         }
-        None => {
-            steps = [config.control.sampling_time_s; MAX_STEPS];
-            mpc.horizon? as usize
-        }
+        None => match mpc.horizon {
+            Some(horizon) => {
+                steps = [config.control.sampling_time_s; MAX_STEPS];
+                horizon as usize
+            }
+            None => {
+                let slowest = config.robot.velocity_time_constant_s.iter().copied().fold(0.0, f64::max);
+                let horizon;
+                (steps, horizon) = growing_steps(config.control.sampling_time_s, HORIZON_LAGS * slowest);
+                horizon
+            }
+        },
     };
     let wrench = vector(&mpc.wrench_weight)?;
     let weights = match mpc.weights {
@@ -59,7 +77,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
             environment.normal_stiffness_n_m,
             &Vector3::from(environment.surface_normal),
             Pose {
-                position: environment.contact_point_m.into(),
+                position: environment.contact_point_m.unwrap_or_default().into(),
                 rotation: rotation_from_rpy(environment.contact_rpy_rad),
             },
         ),
@@ -72,6 +90,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
         mpc: Mpc {
             discretization: match mpc.discretization {
                 DiscretizationName::Euler => Discretization::Euler,
+                DiscretizationName::Zoh => Discretization::Zoh,
             },
             steps,
             horizon,
@@ -83,15 +102,50 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
             input_weight: vector(&mpc.input_weight)?,
             force_limit,
             minimum_force: vector(&contact.minimum_force)?,
+            limit_tolerance: contact.limit_tolerance,
+            sign: match contact.sign {
+                ContactSignName::Wrench => ContactSign::Wrench,
+                ContactSignName::Normal => ContactSign::Normal,
+            },
+            lower_bound: match contact.lower_bound {
+                LowerBoundName::Always => LowerBound::Always,
+                LowerBoundName::OnceReached => LowerBound::OnceReached,
+            },
+            force_points: match mpc.force_points {
+                ForcePointsName::StepEnds => ForcePoints::StepEnds,
+                ForcePointsName::Dense => ForcePoints::Dense,
+            },
+            models_delay: mpc.model_delay,
+            normal_force_reference: contact.normal_force_reference_n,
+            on_contact_lost: match contact.on_contact_lost {
+                OnContactLostName::Continue => OnContactLost::Continue,
+                OnContactLostName::Stop => OnContactLost::Stop,
+            },
             on_infeasible: match mpc.on_infeasible {
                 OnInfeasibleName::Halt => OnInfeasible::Halt,
                 OnInfeasibleName::MinimumForce => OnInfeasible::MinimumForceStop,
             },
             solution_tolerance: mpc.solver_tolerance * RESIDUAL_FACTOR,
         },
-        limits: OffsetLimits {
-            offset: vector(&config.limits.velocity_offset)?,
-            release_rate: config.limits.release_rate_m_s2,
+        limits: MotionLimits {
+            offset: vector(&limits.velocity_offset)?,
+            release_rate: limits.release_rate_m_s2,
+            inward_rate: optional(&limits.inward_rate_m_s2, vector)?,
+            outward_rate: optional(&limits.outward_rate_m_s2, vector)?,
+            joint_speed: optional(&limits.joint_speed_rad_s, joints)?,
+            joint_position: match (&limits.joint_position_min_rad, &limits.joint_position_max_rad) {
+                (Some(min), Some(max)) => Some(Interval { lower: joints(min)?, upper: joints(max)? }),
+                _ => None,
+            },
+        },
+        contact_point: match environment.contact {
+            ContactPointName::Configured => ContactPoint::Configured,
+            ContactPointName::Detected => ContactPoint::Detected { wrench_noise: environment.wrench_noise_n },
+        },
+        guards: Guards {
+            force: config.stopping.force_guard_n,
+            mismatch: config.stopping.mismatch_n,
+            mismatch_cycles: config.stopping.mismatch_cycles,
         },
         timing: Timing {
             sampling_time: config.control.sampling_time_s,
@@ -107,4 +161,12 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
         },
         start_enabled: config.control.start_enabled,
     })
+}
+
+/// A list that may be absent, as a vector; `None` when its length is another.
+fn optional<const K: usize>(
+    values: &Option<Vec<f64>>,
+    vector: impl Fn(&[f64]) -> Option<SVector<f64, K>>,
+) -> Option<Option<SVector<f64, K>>> {
+    values.as_ref().map_or(Some(None), |values| vector(values).map(Some))
 }

@@ -129,5 +129,8 @@ fn stop_reason(reason: StopReason) -> ipc_types::StopReason {
         StopReason::DrivesDisabled => ipc_types::StopReason::DrivesDisabled,
         StopReason::Shutdown => ipc_types::StopReason::Shutdown,
         StopReason::Disabled => ipc_types::StopReason::Disabled,
+        StopReason::ContactLost => ipc_types::StopReason::ContactLost,
+        StopReason::MeasuredForce => ipc_types::StopReason::MeasuredForce,
+        StopReason::ModelDisagrees => ipc_types::StopReason::ModelDisagrees,
     }
 }

@@ -98,12 +98,23 @@ pub enum RowKind {
     JointPosition,
     /// Force on an axis; the instant is the force point.
     Force,
+    /// Softened lower bound of the force on an axis; the instant is the step at whose end.
+    MinimumForce,
     /// The slack t ≥ 0 of a softened problem.
     Slack,
 }
 
 /// Number of kinds.
-pub(crate) const ROW_KINDS: usize = 6;
+pub(crate) const ROW_KINDS: usize = 7;
+
+/// The bounds of the force that one common slack t ≥ 0 softens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Softened {
+    /// s·f_lin ≤ f_max + t; no lower bound.
+    Maximum,
+    /// s·f_lin ≥ f_min − t, at the end of every step.
+    Minimum,
+}
 
 /// One row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -134,8 +145,15 @@ pub struct Layout {
     rows: usize,
 }
 
-const KINDS: [RowKind; ROW_KINDS] =
-    [RowKind::JointSpeed, RowKind::Offset, RowKind::Rate, RowKind::JointPosition, RowKind::Force, RowKind::Slack];
+const KINDS: [RowKind; ROW_KINDS] = [
+    RowKind::JointSpeed,
+    RowKind::Offset,
+    RowKind::Rate,
+    RowKind::JointPosition,
+    RowKind::Force,
+    RowKind::MinimumForce,
+    RowKind::Slack,
+];
 
 impl Layout {
     /// The rows of these constraints over this horizon.
@@ -143,7 +161,7 @@ impl Layout {
         constraints: &Constraints<N, D>,
         horizon: &Horizon<N, D>,
         inputs: &InputAxes<D>,
-        softened: bool,
+        softened: Option<Softened>,
     ) -> Self {
         let steps = horizon.steps().len();
         let none = Section { components: [0; 8], len: 0, first: 0, instants: 0, offset: 0 };
@@ -162,7 +180,9 @@ impl Layout {
         layout.add(RowKind::JointPosition, &joints[..positions], first, steps - first);
         let points = horizon.force_points().len();
         layout.add(RowKind::Force, &forced[..constraints.force.as_slice().len()], 0, points);
-        layout.add(RowKind::Slack, &[0][..usize::from(softened)], 0, 1);
+        let softly = if softened == Some(Softened::Minimum) { constraints.force.as_slice().len() } else { 0 };
+        layout.add(RowKind::MinimumForce, &forced[..softly], first, steps - first);
+        layout.add(RowKind::Slack, &[0][..usize::from(softened.is_some())], 0, 1);
         layout
     }
 

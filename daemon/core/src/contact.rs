@@ -14,6 +14,32 @@ pub struct Thresholds<const D: usize> {
     pub release: SVector<f64, D>,
 }
 
+/// Normal components below this carry no force worth a bound.
+const LEAST_NORMAL_COMPONENT: f64 = 0.1;
+
+/// The signs of contact that a surface gives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceSigns<const D: usize>([f64; D]);
+
+impl<const D: usize> SurfaceSigns<D> {
+    /// For the outward `normal`: the robot presses against it.
+    pub fn of(normal: &SVector<f64, D>) -> Self {
+        let sign = |n: f64| if n.abs() >= LEAST_NORMAL_COMPONENT { -n.signum() } else { 0.0 };
+        Self(core::array::from_fn(|axis| sign(normal[axis])))
+    }
+
+    /// s of an axis; `None` where the normal has hardly a component.
+    pub fn sign(&self, axis: usize) -> Option<f64> {
+        (self.0[axis] != 0.0).then_some(self.0[axis])
+    }
+
+    /// The admittance axes that feel the surface.
+    pub fn axes(self, admittance: &[bool; D]) -> impl Iterator<Item = usize> + use<D> {
+        let felt: [bool; D] = core::array::from_fn(|axis| admittance[axis] && self.0[axis] != 0.0);
+        (0..D).filter(move |&axis| felt[axis])
+    }
+}
+
 /// The contact of every axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact<const D: usize> {
@@ -27,9 +53,15 @@ impl<const D: usize> Contact<D> {
         Self { signs: [0.0; D] }
     }
 
-    /// The contact after the estimate `wrench` (N, N·m; robot on environment).
+    /// The contact after the estimate `wrench` (N, N·m; robot on environment). With the signs of a `surface`, an axis joins
+    /// with its own only.
     #[must_use]
-    pub fn update(&self, thresholds: &Thresholds<D>, wrench: &SVector<f64, D>) -> Self {
+    pub fn update(
+        &self,
+        thresholds: &Thresholds<D>,
+        surface: Option<&SurfaceSigns<D>>,
+        wrench: &SVector<f64, D>,
+    ) -> Self {
         let mut next = *self;
         for (axis, sign) in next.signs.iter_mut().enumerate() {
             if *sign != 0.0 {
@@ -37,7 +69,8 @@ impl<const D: usize> Contact<D> {
                     *sign = 0.0;
                 }
             } else if thresholds.admittance[axis] && wrench[axis].abs() > thresholds.activation[axis] {
-                *sign = if wrench[axis] > 0.0 { 1.0 } else { -1.0 };
+                let felt = if wrench[axis] > 0.0 { 1.0 } else { -1.0 };
+                *sign = if surface.is_none_or(|signs| signs.sign(axis) == Some(felt)) { felt } else { 0.0 };
             }
         }
         next

@@ -3,19 +3,22 @@
 use nalgebra::SVector;
 
 use crate::condensation::Workspace;
-use crate::contact::Contact;
+use crate::contact::{Contact, SurfaceSigns};
 use crate::damping;
+use crate::detection::Detection;
 use crate::feasibility::Verdict;
+use crate::guards::Expected;
 use crate::horizon::Horizon;
 use crate::mode::{Mode, StopReason, Transition};
 use crate::optimization::Optimized;
 use crate::outcome::{Counters, Motion, Outcome, Source};
-use crate::parameters::{Law, OnInfeasible, ParameterError, Parameters};
+use crate::parameters::{ContactPoint, Law, OnContactLost, OnInfeasible, ParameterError, Parameters};
 use crate::plan::{Plan, nanoseconds};
 use crate::qp::QpSolver;
 use crate::robot::{InverseJacobian, Kinematics, Singular, right_inverse};
 use crate::sample::{Sample, SampleFault, SampleHistory};
 use crate::stopping;
+use crate::under_way::UnderWay;
 use crate::warm_start::WarmStart;
 
 /// What a cycle starts from.
@@ -39,6 +42,14 @@ pub struct Controller<const N: usize, const D: usize, S, B> {
     pub(crate) plan: Plan<D>,
     /// Whether the plan is one of several steps, made in contact.
     pub(crate) planned: bool,
+    /// Axes on which f̂ has reached f_min since they joined.
+    pub(crate) reached: [bool; D],
+    pub(crate) surface_signs: SurfaceSigns<D>,
+    pub(crate) detection: Detection,
+    pub(crate) under_way: UnderWay<D>,
+    /// Cycles in a row in which the force was not the predicted one.
+    pub(crate) mismatches: u32,
+    pub(crate) expected: Expected,
     /// Offset of the last command: where the ramp of a released axis starts.
     pub(crate) offset: SVector<f64, D>,
     pub(crate) mode: Mode,
@@ -73,6 +84,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             workspace: Workspace::new(&horizon, &parameters.mpc.weights, storage).ok_or(ParameterError::Horizon)?,
             horizon,
             warm_start: WarmStart::empty(),
+            surface_signs: parameters.surface_signs(),
             enabled: parameters.start_enabled,
             stop_reason: (!parameters.start_enabled).then_some(StopReason::Disabled),
             parameters,
@@ -80,6 +92,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             contact: Contact::none(),
             plan: Plan::empty(),
             planned: false,
+            reached: [false; D],
+            detection: Detection::new(),
+            under_way: UnderWay::none(),
+            mismatches: 0,
+            expected: Expected::nothing(),
             offset: SVector::zeros(),
             mode: Mode::Idle,
             history: SampleHistory::new(),
@@ -120,7 +137,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// Goes on where `old` is, with this controller's own parameters: mode, contact, plan, samples and counts.
     pub fn continue_from(&mut self, old: &Self) {
         (self.mode, self.contact, self.offset) = (old.mode, old.contact, old.offset);
-        (self.plan, self.planned) = (old.plan, old.planned);
+        (self.plan, self.planned, self.under_way) = (old.plan, old.planned, old.under_way);
+        (self.reached, self.detection) = (old.reached, old.detection);
+        (self.expected, self.mismatches) = (old.expected, old.mismatches);
+        if self.parameters.contact_point != ContactPoint::Configured {
+            self.parameters.environment.contact = old.parameters.environment.contact;
+        }
         (self.history, self.last, self.counters) = (old.history, old.last, old.counters);
         (self.stop_reason, self.stopping_since, self.singular) = (old.stop_reason, old.stopping_since, old.singular);
         (self.enabled, self.requested, self.unsolved) = (old.enabled, old.requested, old.unsolved);
@@ -135,20 +157,23 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// One cycle. `now` is the time in ns of CLOCK_MONOTONIC; `expired` is asked before and between solver iterations.
     pub fn step(&mut self, event: Event<'_, N, D>, now: u64, expired: &mut dyn FnMut() -> bool) -> Outcome<N, D> {
         self.counters.cycles += 1;
-        match event {
+        let (outcome, stamp) = match event {
             Event::Sample(sample) => match self.history.check(sample, now, &self.parameters.timing) {
-                Ok(()) => self.on_sample(sample, expired),
-                Err(fault) => self.on_fault(fault, now),
+                Ok(()) => (self.on_sample(sample, expired), sample.stamp),
+                Err(fault) => (self.on_fault(fault, now), now),
             },
-            Event::Silence => self.on_fault(SampleFault::Silence, now),
-        }
+            Event::Silence => (self.on_fault(SampleFault::Silence, now), now),
+        };
+        let offset = (outcome.motion == Motion::Offset).then_some(outcome.velocity_offset);
+        self.under_way.push(stamp.saturating_add(nanoseconds(self.parameters.timing.command_delay)), offset);
+        outcome
     }
 
     fn on_sample(&mut self, sample: &Sample<N, D>, expired: &mut dyn FnMut() -> bool) -> Outcome<N, D> {
         let restarted = self.history.is_new_run(sample) && self.last.is_some();
         self.history.accept(sample, &self.parameters.timing);
         self.last = Some(*sample);
-        let touched = Contact::none().update(&self.parameters.thresholds, &sample.wrench).is_any();
+        let touched = Contact::none().update(&self.parameters.thresholds, None, &sample.wrench).is_any();
         if self.mode == Mode::Idle {
             if let Some(reason) = self.reason_to_stay_idle(sample) {
                 self.stop_reason = Some(reason);
@@ -179,10 +204,29 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             }
         };
         let pose = Pose { kinematics, inverse };
-        self.contact = self.contact.update(&self.parameters.thresholds, &sample.wrench);
+        self.follow_contact(sample, &pose);
+        let guarded = self.guard(sample, &pose);
         if self.mode != Mode::Stopping {
+            let was_held = self.mode == Mode::Contact && self.should_keep_contact(sample);
             let transition = if self.contact.is_any() { Transition::Touch } else { Transition::Release };
             self.mode = self.mode.after(transition);
+            if was_held && self.mode == Mode::Free {
+                self.counters.contacts_lost += 1;
+                if self.parameters.mpc.on_contact_lost == OnContactLost::Stop {
+                    self.halt(StopReason::ContactLost);
+                    return self.stopped(sample);
+                }
+            }
+            self.forget_released();
+            if let Some(reason) = guarded {
+                match self.mode {
+                    Mode::Contact => self.begin_stop(reason, sample.stamp),
+                    _ => {
+                        self.halt(reason);
+                        return self.stopped(sample);
+                    }
+                }
+            }
             let wrong_rate = self.history.wrong_rate(&self.parameters.timing).map(|_| StopReason::RateMismatch);
             if let Some(reason) = self.requested.or(wrong_rate) {
                 if self.mode == Mode::Contact {

@@ -31,6 +31,12 @@ impl<const D: usize> Environment<D> {
         -self.normal.dot(wrench)
     }
 
+    /// Force in N with which a TCP at `pose` presses: k times its depth below the surface, 0 above it.
+    pub fn spring_force(&self, pose: &Pose) -> f64 {
+        let indentation = pose.difference::<D>(&self.contact);
+        self.pressing_force(&(self.stiffness * indentation)).max(0.0)
+    }
+
     /// Speed in m/s of a twist out of the surface: nᵀṗ, negative when approaching.
     pub fn outward_speed(&self, twist: &SVector<f64, D>) -> f64 {
         self.normal.dot(twist)

@@ -6,7 +6,7 @@ use crate::model::{Discretization, Step};
 use crate::plan::MAX_STEPS;
 
 /// Largest number of instants at which the force is bounded.
-pub const MAX_FORCE_POINTS: usize = 2 * MAX_STEPS;
+pub const MAX_FORCE_POINTS: usize = 3 * MAX_STEPS;
 
 /// An instant within a step, or at its end: q there = q + a q̇ + b r, of q and q̇ at the start of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +32,78 @@ pub struct Horizon<const N: usize, const D: usize> {
     follows_within: bool,
     points: [ForcePoint<N>; MAX_FORCE_POINTS],
     point_count: usize,
+}
+
+/// Most parts of a step at whose ends the force is bounded.
+const MAX_PARTS: usize = 16;
+/// Row n: the ends within a step of n + 1 equal parts.
+const PARTS: [[f64; MAX_PARTS - 1]; MAX_PARTS] = {
+    let mut parts = [[0.0; MAX_PARTS - 1]; MAX_PARTS];
+    let mut n = 0;
+    while n < MAX_PARTS {
+        let mut i = 0;
+        while i < n {
+            parts[n][i] = (i + 1) as f64 / (n + 1) as f64;
+            i += 1;
+        }
+        n += 1;
+    }
+    parts
+};
+/// Points in one joint time constant.
+pub(crate) const POINTS_IN_LAG: f64 = 20.0;
+
+/// Parts of step `step`, out of those of the lengths `durations` in s, at which the force is bounded besides at its end: at
+/// most 1/20 of the fastest joint's time constant apart over twice that constant, then 1/20 of the slowest joint's until
+/// that has passed.
+///
+/// Between points at a distance δ a force exceeds the larger of them by at most δ² f̈ / 8. A joint whose speed reference
+/// changes by Δ accelerates with Δ/T_V exp(−t/T_V); so with δ = T_V/20 the force misses at most K_e Δ T_V / 3200, where the
+/// whole of Δ until standstill moves it by about K_e Δ T_V: a third of a thousandth of what there is to stop. Later a
+/// force that peaks is still far away; it is looked at closer when its time comes.
+pub fn dense(durations: &[f64], step: usize, fastest_lag: f64, slowest_lag: f64) -> &'static [f64] {
+    let start: f64 = durations[..step].iter().sum();
+    let apart = match start {
+        start if start < 2.0 * fastest_lag => fastest_lag / POINTS_IN_LAG,
+        start if start < slowest_lag => slowest_lag / POINTS_IN_LAG,
+        _ => return &[],
+    };
+    // A step that is a point longer by rounding has no part more.
+    let parts = libm::ceil(durations[step] / apart - 1e-9).clamp(1.0, MAX_PARTS as f64) as usize;
+    &PARTS[parts - 1][..parts - 1]
+}
+
+/// Longest horizon of [`growing_steps`].
+const GROWING_STEPS: usize = 16;
+/// How many of them have the length of the first.
+const EVEN_STEPS: usize = 4;
+
+/// At most 16 step lengths in s that span `span` s: the first four of one sampling time each, the others growing by one
+/// ratio; where even steps reach as far, fewer of those. A fast cycle needs a horizon as long in time as a slow one.
+pub fn growing_steps(sampling_time: f64, span: f64) -> ([f64; MAX_STEPS], usize) {
+    let mut steps = [0.0; MAX_STEPS];
+    let even = libm::ceil(span / sampling_time - 1e-9).max(EVEN_STEPS as f64);
+    if even <= GROWING_STEPS as f64 {
+        steps.fill(sampling_time);
+        return (steps, even as usize);
+    }
+    let growing = |ratio: f64| {
+        (1..=GROWING_STEPS - EVEN_STEPS).fold((1.0, 0.0), |(length, sum), _| (length * ratio, sum + length * ratio)).1
+    };
+    let missing = span / sampling_time - EVEN_STEPS as f64;
+    let (mut low, mut high) = (1.0, 100.0);
+    for _ in 0..60 {
+        let ratio = (low + high) / 2.0;
+        if growing(ratio) < missing { low = ratio } else { high = ratio }
+    }
+    let mut length = sampling_time;
+    for (index, step) in steps[..GROWING_STEPS].iter_mut().enumerate() {
+        if index >= EVEN_STEPS {
+            length *= low;
+        }
+        *step = length;
+    }
+    (steps, GROWING_STEPS)
 }
 
 /// Whether any joint position at the end of a stretch depends on the reference during it.

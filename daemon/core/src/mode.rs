@@ -89,4 +89,10 @@ pub enum StopReason {
     Shutdown,
     /// Disabled on request.
     Disabled,
+    /// A contact that should have been kept was lost.
+    ContactLost,
+    /// The measured force is above its limit by more than the guard allows.
+    MeasuredForce,
+    /// The measured force is not the predicted one, or pulls where the surface can only be pressed.
+    ModelDisagrees,
 }

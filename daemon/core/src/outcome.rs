@@ -76,4 +76,6 @@ pub struct Counters {
     pub rejected: u64,
     /// Offsets that a limit had to cut after the law.
     pub limited: u64,
+    /// Contacts lost that should have been kept.
+    pub contacts_lost: u64,
 }

@@ -3,10 +3,11 @@
 
 use nalgebra::SVector;
 
-use crate::contact::Thresholds;
+use crate::constraints::Interval;
+use crate::contact::{SurfaceSigns, Thresholds};
 use crate::cost::Weights;
 use crate::environment::Environment;
-use crate::horizon::Horizon;
+use crate::horizon::{Horizon, dense};
 use crate::model::Discretization;
 use crate::plan::MAX_STEPS;
 use crate::robot::Chain;
@@ -30,6 +31,54 @@ pub enum InputSelection {
     Active,
     /// Every admittance axis.
     All,
+}
+
+/// Where the sign of a contact comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ContactSign {
+    /// From f̂ when the axis joins; only axes in contact have bounds.
+    Wrench,
+    /// From the surface normal. In contact every axis with a normal component has an upper bound; one without cannot join.
+    Normal,
+}
+
+/// When f_min holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LowerBound {
+    /// As long as an axis is active (18e); it can make the problem infeasible.
+    Always,
+    /// Once it has been reached, and while ṗ0 does not point out of the surface; softly.
+    OnceReached,
+}
+
+/// Where the force is bounded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ForcePoints {
+    /// At the end of every step that an input reaches.
+    StepEnds,
+    /// Within steps as well: see [`horizon::dense`](crate::horizon::dense).
+    Dense,
+}
+
+/// What losing a contact that should be kept leads to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OnContactLost {
+    /// On in free motion; it is counted.
+    Continue,
+    /// Zero joint velocity, latched.
+    Stop,
+}
+
+/// Where the contact point comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ContactPoint {
+    /// [`Environment::contact`].
+    Configured,
+    /// From the first samples in contact, see [`detection`](crate::detection).
+    Detected {
+        /// Standard deviation of f̂ on one axis, in N: what the margin is reduced by follows from it.
+        wrench_noise: f64,
+    },
 }
 
 /// What an infeasible verdict leads to. Both are latched.
@@ -60,8 +109,23 @@ pub struct Mpc<const N: usize, const D: usize> {
     pub force_limit: SVector<f64, D>,
     /// f_min per axis in N and N·m: lower bound of s·f_lin.
     pub minimum_force: SVector<f64, D>,
+    /// Part of f_max by which a plan may exceed it before that counts as infeasible: what the linear model leaves out makes
+    /// a plan that just kept the limit miss it a cycle later.
+    pub limit_tolerance: f64,
+    /// Where the sign of a contact comes from.
+    pub sign: ContactSign,
+    /// When f_min holds.
+    pub lower_bound: LowerBound,
+    /// Where the force is bounded.
+    pub force_points: ForcePoints,
+    /// Whether commands on their way are part of the model.
+    pub models_delay: bool,
+    /// Force along the inward normal that the cost aims at, in N; f_ref.
+    pub normal_force_reference: f64,
     /// What infeasibility leads to.
     pub on_infeasible: OnInfeasible,
+    /// What losing the contact leads to.
+    pub on_contact_lost: OnContactLost,
     /// Largest KKT residual of a solution that may be used, relative to the values that it is made of.
     pub solution_tolerance: f64,
 }
@@ -99,13 +163,33 @@ pub struct Stopping {
     pub stop_timeout: f64,
 }
 
-/// Bounds of the offset that hold for every law.
+/// Limits of joints and offset. Constraints of every optimisation; of what is not optimised, a clamp on the offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OffsetLimits<const D: usize> {
+pub struct MotionLimits<const N: usize, const D: usize> {
     /// Largest |Δṗ| per axis, m/s and rad/s.
     pub offset: SVector<f64, D>,
     /// Rate at which the offset of a released axis returns to zero, m/s² and rad/s².
     pub release_rate: f64,
+    /// Largest rate of the offset per axis toward the surface, and either way on an axis without a normal component; m/s²
+    /// and rad/s².
+    pub inward_rate: Option<SVector<f64, D>>,
+    /// Largest rate of the offset per axis out of the surface, m/s² and rad/s².
+    pub outward_rate: Option<SVector<f64, D>>,
+    /// Largest joint speed reference, rad/s.
+    pub joint_speed: Option<SVector<f64, N>>,
+    /// Joint positions, rad.
+    pub joint_position: Option<Interval<N>>,
+}
+
+/// Guards that do not trust the model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Guards {
+    /// f̂ above f_max by more than this (N, N·m) stops.
+    pub force: Option<f64>,
+    /// A pressing force further than this (N) from the predicted one stops.
+    pub mismatch: Option<f64>,
+    /// So many cycles in a row.
+    pub mismatch_cycles: u32,
 }
 
 /// Everything a controller is told when it is made.
@@ -127,8 +211,12 @@ pub struct Parameters<const N: usize, const D: usize> {
     pub law: Law<D>,
     /// The MPC; a minimum-force stop uses its model, horizon and limits under every law.
     pub mpc: Mpc<N, D>,
-    /// Bounds of the offset.
-    pub limits: OffsetLimits<D>,
+    /// Limits of joints and offset.
+    pub limits: MotionLimits<N, D>,
+    /// Where the contact point comes from.
+    pub contact_point: ContactPoint,
+    /// Guards.
+    pub guards: Guards,
     /// Timing.
     pub timing: Timing,
     /// Stops.
@@ -154,6 +242,10 @@ pub enum ParameterError {
     ForceLimit,
     /// A damping is not above zero.
     Damping,
+    /// f_min is not above the release threshold, or on a plane too large for some f_max.
+    MinimumForce,
+    /// The contact point is to be detected, but the estimates of the axes that feel it differ in T_est.
+    Detection,
 }
 
 impl core::fmt::Display for ParameterError {
@@ -168,6 +260,13 @@ impl core::fmt::Display for ParameterError {
             Self::Thresholds => "release thresholds must be between 0 and the activation threshold",
             Self::ForceLimit => "force limits must be above the minimum force",
             Self::Damping => "damping must be above 0",
+            Self::MinimumForce => {
+                "where the minimum force holds once reached, it must be above the release threshold on every axis with a \
+                 normal component n, and the largest of minimum_force / |n| below the smallest of force_limit / |n|"
+            }
+            Self::Detection => {
+                "a detected contact point needs one wrench_time_constant_s on all axes with a normal component"
+            }
         })
     }
 }
@@ -175,15 +274,20 @@ impl core::fmt::Display for ParameterError {
 impl core::error::Error for ParameterError {}
 
 impl<const N: usize, const D: usize> Parameters<N, D> {
-    /// The horizon of the MPC; the force is bounded at the end of every step.
+    /// The horizon of the MPC.
     pub fn horizon(&self) -> Horizon<N, D> {
-        Horizon::new(
-            self.mpc.discretization,
-            self.mpc.steps(),
-            |_| &[],
-            &self.velocity_time_constant,
-            &self.wrench_time_constant,
-        )
+        let lags = &self.velocity_time_constant;
+        let steps = self.mpc.steps();
+        let parts = |step| match self.mpc.force_points {
+            ForcePoints::StepEnds => &[][..],
+            ForcePoints::Dense => dense(steps, step, lags.min(), lags.max()),
+        };
+        Horizon::new(self.mpc.discretization, steps, parts, lags, &self.wrench_time_constant)
+    }
+
+    /// The signs of a contact that the surface gives.
+    pub fn surface_signs(&self) -> SurfaceSigns<D> {
+        SurfaceSigns::of(&self.environment.normal)
     }
 
     /// Checks what the law cannot live without.
@@ -212,9 +316,25 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         if !(0..D).all(|axis| mpc.minimum_force[axis] < mpc.force_limit[axis]) {
             return Err(ParameterError::ForceLimit);
         }
+        if mpc.lower_bound == LowerBound::OnceReached && !self.can_hold_minimum() {
+            return Err(ParameterError::MinimumForce);
+        }
+        let felt = || self.surface_signs().axes(&thresholds.admittance).map(|axis| self.wrench_time_constant[axis]);
+        if self.contact_point != ContactPoint::Configured && felt().any(|lag| felt().next() != Some(lag)) {
+            return Err(ParameterError::Detection);
+        }
         match &self.law {
             Law::Damping { damping } if !damping.iter().all(positive) => Err(ParameterError::Damping),
             _ => Ok(()),
         }
+    }
+
+    /// On a plane all forces are one normal force: every bound on an axis is one on it.
+    fn can_hold_minimum(&self) -> bool {
+        let (mpc, normal) = (&self.mpc, &self.environment.normal);
+        let bounded = || self.surface_signs().axes(&self.thresholds.admittance);
+        let least = bounded().map(|axis| mpc.minimum_force[axis] / normal[axis].abs()).fold(0.0, f64::max);
+        let most = bounded().map(|axis| mpc.force_limit[axis] / normal[axis].abs()).fold(f64::INFINITY, f64::min);
+        least < most && bounded().all(|axis| self.thresholds.release[axis] < mpc.minimum_force[axis])
     }
 }

@@ -15,23 +15,15 @@ pub(crate) const SLACK_PRICE: f64 = 1e3;
 /// R of the stop, relative to its velocity weight: only enough to make the QP strictly convex.
 const INPUT_WEIGHT: f64 = 1e-2;
 /// Normal speed in m/s that still counts as zero.
-const STANDSTILL: f64 = 1e-3;
-/// Normal components below this carry no force worth a bound.
-const LEAST_NORMAL_COMPONENT: f64 = 0.1;
+pub(crate) const STANDSTILL: f64 = 1e-3;
 
 /// Bounds of a stop: f_max only, the sign of each axis from the surface normal.
 pub(crate) fn bounds<const N: usize, const D: usize>(parameters: &Parameters<N, D>) -> ForceBounds<D> {
-    let mut bounds = ForceBounds::none();
+    let (mut bounds, signs) = (ForceBounds::none(), parameters.surface_signs());
     for axis in 0..D {
-        let normal = parameters.environment.normal[axis];
-        if normal.abs() >= LEAST_NORMAL_COMPONENT && parameters.thresholds.admittance[axis] {
-            bounds.push(AxisBound {
-                axis,
-                // The robot presses against the outward normal.
-                sign: -normal.signum(),
-                minimum: f64::NEG_INFINITY,
-                maximum: parameters.mpc.force_limit[axis],
-            });
+        if let Some(sign) = signs.sign(axis).filter(|_| parameters.thresholds.admittance[axis]) {
+            let (minimum, maximum) = (f64::NEG_INFINITY, parameters.mpc.force_limit[axis]);
+            bounds.push(AxisBound { axis, sign, minimum, maximum });
         }
     }
     bounds
@@ -57,17 +49,17 @@ pub(crate) fn set_point<const N: usize, const D: usize>(initial: &State<N, D>) -
     SetPoint { joint_position: initial.joint_position, joint_velocity: SVector::zeros(), wrench: SVector::zeros() }
 }
 
-/// Whether the arm may be held: it moves outward or not at all, presses with at most `stop_force`, and would not exceed
+/// Whether the arm, when it is at `state`, may be held: it moves outward or not at all, `measured` is at most `stop_force`, and it would not exceed
 /// that while it coasts to standstill. (Held at zero normal velocity alone, unequal joint lags would drive it back in.)
 pub(crate) fn may_rest<const N: usize, const D: usize>(
     parameters: &Parameters<N, D>,
     model: &Model<N, D>,
     state: &State<N, D>,
+    measured: f64,
     outward_speed: f64,
 ) -> bool {
     let environment = &parameters.environment;
     let limit = parameters.stopping.stop_force;
-    let measured = environment.pressing_force(&state.wrench);
     let coasting = peak_while_coasting(model, &parameters.velocity_time_constant, state, &-environment.normal);
     outward_speed >= -STANDSTILL && measured <= limit && coasting <= limit
 }

@@ -5,7 +5,8 @@ mod common;
 use admittance_core::condensation::{MpcRows, condense};
 use admittance_core::plan::MAX_STEPS;
 use common::problems::{
-    DISCRETIZATIONS, Numbers, Problem, SLACK_CURVATURE, SLACK_UNIT, Shape, cases, largest, order, shapes, workspace,
+    DISCRETIZATIONS, Numbers, Problem, SLACK_CURVATURE, SLACK_UNIT, SLACKS, Shape, cases, largest, order, shapes,
+    workspace,
 };
 
 /// What [`condense`] wrote, in the order of time: column a + m·k is input a of step k, and the last one the slack.
@@ -46,7 +47,7 @@ fn cost<const N: usize, const D: usize>(problem: &Problem<N, D>, z: &[f64]) -> f
             cost += on_wrench[axis] * (x.wrench[axis] - p.set_point.wrench[axis]).powi(2);
         }
     }
-    let slack = p.slack_price.map_or(0.0, |price| {
+    let slack = p.slack.map_or(0.0, |(_, price)| {
         let units = z.last().expect("the slack is a variable");
         price * SLACK_UNIT * units * (1.0 + 0.5 * SLACK_CURVATURE * units)
     });
@@ -91,9 +92,9 @@ fn assert_is_that_of_the_cost<const N: usize, const D: usize>(problem: &Problem<
 fn gradient_and_hessian_are_those_of_the_simulated_cost() {
     for (index, case) in cases().iter().enumerate() {
         let mut problem = case.problem();
-        for slack_price in [None, Some(30.0)] {
-            problem.prediction.slack_price = slack_price;
-            assert_is_that_of_the_cost(&problem, &format!("case {index}, slack {slack_price:?}"));
+        for slack in SLACKS {
+            problem.prediction.slack = slack;
+            assert_is_that_of_the_cost(&problem, &format!("case {index}, slack {slack:?}"));
         }
     }
 }
@@ -112,7 +113,7 @@ fn gradient_and_hessian_are_those_of_the_simulated_cost_for_any_number_of_joints
     let longest = [(MAX_STEPS, 6, false), (MAX_STEPS, 3, false), (16, 3, true)];
     for ((steps, inputs, by_task), discretization) in longest.into_iter().zip(DISCRETIZATIONS.into_iter().cycle()) {
         let (steps, estimate) = (vec![0.004; steps], [0.020, 0.030]);
-        let shape = Shape { discretization, steps, inputs, by_task, estimate, slack_price: Some(30.0), partial: false };
+        let shape = Shape { discretization, steps, inputs, by_task, estimate, slack: SLACKS[1], partial: false };
         assert_is_that_of_the_cost(&shape.problem::<6, 6>(&mut numbers), &format!("{shape:?}"));
     }
 }

@@ -3,7 +3,7 @@
 mod common;
 
 use admittance_core::condensation::{MpcRows, condense};
-use admittance_core::constraints::{Row, RowKind};
+use admittance_core::constraints::{Row, RowKind, Softened};
 use admittance_core::plan::MAX_STEPS;
 use admittance_core::qp::{LANES, Rows, padded};
 use common::problems::{Numbers, Point, Problem, SLACK_UNIT, Shape, first_reached, largest, order, shapes, workspace};
@@ -49,16 +49,25 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
         let value = states[k + 1].joint_position;
         (0..N).for_each(|i| push(RowKind::JointPosition, i, k, value[i], position.lower[i], position.upper[i]));
     }
-    let slack = p.slack_price.map(|_| *z.last().expect("the slack is a variable"));
+    let slack = p.slack.map(|_| *z.last().expect("the slack is a variable"));
+    let softens = |softened| p.slack.is_some_and(|(which, _)| which == softened);
     for (instant, &Point { step: k, part, .. }) in shape.force_points().iter().enumerate() {
         let to_here = shape.discretization.step(part * steps[k], &velocity_constant, &estimate);
         let there = problem.model.advance(&to_here, &states[k], &problem.reference(z, k));
         let force = problem.model.linear_wrench(&there.joint_position);
         for bound in c.force.as_slice() {
-            // What is softened are the upper bounds.
+            // Softened lower bounds have rows of their own.
             let lower = if slack.is_some() { f64::NEG_INFINITY } else { bound.minimum };
-            let value = bound.sign * force[bound.axis] - SLACK_UNIT * slack.unwrap_or(0.0);
+            let off = if softens(Softened::Maximum) { SLACK_UNIT * slack.unwrap_or(0.0) } else { 0.0 };
+            let value = bound.sign * force[bound.axis] - off;
             push(RowKind::Force, bound.axis, instant, value, lower, bound.maximum);
+        }
+    }
+    for k in (first_reached(shape.discretization)..h).filter(|_| softens(Softened::Minimum)) {
+        let force = problem.model.linear_wrench(&states[k + 1].joint_position);
+        for bound in c.force.as_slice() {
+            let value = bound.sign * force[bound.axis] + SLACK_UNIT * slack.unwrap_or(0.0);
+            push(RowKind::MinimumForce, bound.axis, k, value, bound.minimum, f64::INFINITY);
         }
     }
     if let Some(slack) = slack {
@@ -69,7 +78,7 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
 
 /// Rounding of a row's value. The force is a difference of terms of 1e4 N/rad times radians.
 fn rounding(row: &Row) -> f64 {
-    if row.kind == RowKind::Force { 1e-9 } else { 1e-13 }
+    if matches!(row.kind, RowKind::Force | RowKind::MinimumForce) { 1e-9 } else { 1e-13 }
 }
 
 /// The rows of an arbitrary problem, of every kind at once, against [`bounded`].
@@ -160,7 +169,7 @@ fn check_rows<const N: usize, const D: usize, const M: usize>(shape: &Shape, num
         assert!(axis == component && (time - expected).abs() <= 1e-15, "axis {axis} at {time} s: {what}");
     }
     assert_eq!((rows.layout.row(count), rows.force_row(count)), (None, None), "{what}");
-    let slack = if shape.slack_price.is_some() { SLACK_UNIT * z[n - 1] } else { 0.0 };
+    let slack = if shape.slack.is_some() { SLACK_UNIT * z[n - 1] } else { 0.0 };
     assert_eq!(rows.slack(&z).to_bits(), slack.to_bits(), "{what}");
 }
 
@@ -192,7 +201,7 @@ fn rows_are_those_of_the_simulated_trajectory() {
         inputs: 6,
         by_task: false,
         estimate: [0.020, 0.030],
-        slack_price: Some(30.0),
+        slack: Some((Softened::Maximum, 30.0)),
         partial: false,
     };
     check_rows::<6, 6, 6>(&longest, &mut numbers);

@@ -67,7 +67,7 @@ impl<const N: usize, const M: usize> Sequence<N, M> {
             weights: &self.weights,
             jacobian: problem.jacobian,
             input_weight: self.input_weight,
-            slack_price: None,
+            slack: None,
         }
     }
 

@@ -385,7 +385,7 @@ fn finish<const N: usize, const D: usize, const M: usize>(
     for (index, row) in hessian.chunks_exact_mut(stride).enumerate().take(n) {
         row[index] += weight[index % M];
     }
-    if let Some(price) = prediction.slack_price {
+    if let Some((_, price)) = prediction.slack {
         hessian.chunks_exact_mut(stride).take(n).for_each(|row| row[n] = 0.0);
         hessian[n * stride + n] = price * SLACK_UNIT * SLACK_CURVATURE;
     }

@@ -20,7 +20,7 @@ use nalgebra::{SMatrix, SVector};
 
 pub use rows::MpcRows;
 
-use crate::constraints::Constraints;
+use crate::constraints::{Constraints, Softened};
 use crate::cost::{SetPoint, Weights};
 use crate::horizon::Horizon;
 use crate::model::State;
@@ -37,9 +37,14 @@ pub struct InputAxes<const D: usize> {
 }
 
 impl<const D: usize> InputAxes<D> {
+    /// No axis.
+    pub fn none() -> Self {
+        Self { axes: [0; D], len: 0 }
+    }
+
     /// The axes for which `has_input` is true.
     pub fn from_mask(has_input: &[bool; D]) -> Self {
-        let mut inputs = Self { axes: [0; D], len: 0 };
+        let mut inputs = Self::none();
         for axis in (0..D).filter(|&axis| has_input[axis]) {
             inputs.axes[inputs.len] = axis;
             inputs.len += 1;
@@ -77,9 +82,16 @@ pub struct Prediction<'a, const N: usize, const D: usize> {
     pub jacobian: SMatrix<f64, D, N>,
     /// R: diagonal, per task axis, 1/(m/s)² and 1/(rad/s)².
     pub input_weight: SVector<f64, D>,
-    /// With a price per N, all upper force bounds are softened by one common slack t ≥ 0 that costs it: for a price above
-    /// the sum of the multipliers, t is the least violation there is.
-    pub slack_price: Option<f64>,
+    /// Which force bounds one common slack t ≥ 0 softens, and what it costs per N: for a price above the sum of the
+    /// multipliers, t is the least violation there is.
+    pub slack: Option<(Softened, f64)>,
+}
+
+impl<const N: usize, const D: usize> Prediction<'_, N, D> {
+    /// Which bounds are softened.
+    pub(super) fn softened(&self) -> Option<Softened> {
+        self.slack.map(|(softened, _)| softened)
+    }
 }
 
 /// Newtons in one unit of the slack variable, which brings it near the scale of the inputs.

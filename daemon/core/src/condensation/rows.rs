@@ -6,7 +6,7 @@ use core::ops::Range;
 use super::short::{Joints, Matrix, Short, array};
 use super::trajectory::FreeTrajectory;
 use super::{Prediction, SLACK_UNIT};
-use crate::constraints::{Interval, Layout, Row, RowKind};
+use crate::constraints::{Interval, Layout, Row, RowKind, Softened};
 use crate::horizon::Horizon;
 use crate::model::Model;
 use crate::qp::{LANES, Rows};
@@ -123,12 +123,11 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
         for (gradient, bound) in gradients.iter_mut().zip(bounds) {
             *gradient = model.wrench_gradient.data.0[bound.axis].map(|value| value * bound.sign);
         }
-        let softened = prediction.slack_price.is_some();
         Some(Self {
             model,
             horizon,
             prediction,
-            layout: Layout::new(&prediction.constraints, horizon, &prediction.inputs, softened),
+            layout: Layout::new(&prediction.constraints, horizon, &prediction.inputs, prediction.softened()),
             inputs: Matrix::of_columns(columns),
             gradients: Matrix::of_rows(gradients),
             bounded: bounds.len(),
@@ -137,7 +136,7 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
 
     /// Number of variables.
     pub fn variables(&self) -> usize {
-        M * self.horizon.steps().len() + usize::from(self.prediction.slack_price.is_some())
+        M * self.horizon.steps().len() + usize::from(self.prediction.slack.is_some())
     }
 
     /// Where the inputs of step `step` stand in z.
@@ -164,7 +163,21 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
 
     /// The slack t in N; 0 of a problem without one.
     pub fn slack(&self, z: &[f64]) -> f64 {
-        if self.prediction.slack_price.is_some() { SLACK_UNIT * z[self.variables() - 1] } else { 0.0 }
+        if self.prediction.slack.is_some() { SLACK_UNIT * z[self.variables() - 1] } else { 0.0 }
+    }
+
+    /// s K_e J of a bounded axis.
+    fn gradient_of(&self, axis: usize) -> Short<N> {
+        let bounds = self.prediction.constraints.force.as_slice();
+        let index = bounds.iter().position(|bound| bound.axis == axis).unwrap_or(0);
+        Short::new(&self.gradients.rows[index])
+    }
+
+    /// What multipliers of the bounded axes, from row `row` on, mean for q, and their sum.
+    #[inline(always)]
+    fn pushed(&self, multipliers: &[f64], row: usize) -> (Short<N>, f64) {
+        let pushing: [f64; M] = core::array::from_fn(|k| if k < self.bounded { multipliers[row + k] } else { 0.0 });
+        (self.gradients.transposed_times(Short::new(&pushing)), pushing.iter().sum())
     }
 
     /// Adds Vᵀ r to the entries of step `step`.
@@ -241,7 +254,8 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
             (minimum[index], maximum[index]) = (bound.minimum, bound.maximum);
             offset[index] = bound.sign * self.model.wrench_offset[bound.axis];
         }
-        if p.slack_price.is_some() {
+        let softly = Weighted::new(minimum, [f64::INFINITY; M]);
+        if p.slack.is_some() {
             minimum = [f64::NEG_INFINITY; M];
         }
         let interval = Weighted::new(minimum, maximum);
@@ -252,7 +266,14 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
             (force.plus(Short::new(&offset)).array(), interval)
         });
         bounds.put(self.rows(RowKind::Force), self.bounded, points);
-        if p.slack_price.is_some() {
+        if p.softened() == Some(Softened::Minimum) {
+            let ends = free
+                .positions()
+                .skip(self.horizon.first_reached())
+                .map(|position| (self.gradients.times(Short::new(position)).plus(Short::new(&offset)).array(), softly));
+            bounds.put(self.rows(RowKind::MinimumForce), self.bounded, ends);
+        }
+        if p.slack.is_some() {
             bounds.put(self.rows(RowKind::Slack), 1, core::iter::once(([0.0], Weighted::new([0.0], [f64::INFINITY]))));
         }
     }
@@ -272,13 +293,16 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let (rate, rest) = rest.split_at_mut(self.rows(RowKind::Rate).len());
         let (position, rest) = rest.split_at_mut(self.rows(RowKind::JointPosition).len());
         let (force, rest) = rest.split_at_mut(self.rows(RowKind::Force).len());
+        let (minimum, rest) = rest.split_at_mut(self.rows(RowKind::MinimumForce).len());
         let mut speed = speed.as_chunks_mut::<N>().0.iter_mut();
         let mut offset = offset.as_chunks_mut::<M>().0.iter_mut();
         let mut rate = rate.as_chunks_mut::<M>().0.iter_mut();
         let mut position = position.as_chunks_mut::<N>().0.iter_mut();
         let mut force = force.chunks_exact_mut(self.bounded.max(1));
+        let mut minimum = minimum.chunks_exact_mut(self.bounded.max(1));
         let mut points = self.horizon.force_points().iter().peekable();
         let (slack, delay) = (self.slack(z), self.horizon.first_reached());
+        let off_maximum = if self.prediction.softened() == Some(Softened::Maximum) { slack } else { 0.0 };
         let (steps, mut joints, mut before) = (self.horizon.steps(), Joints::<N>::ZERO, [0.0; M]);
         let inputs = z[..M * steps.len()].as_chunks::<M>().0;
         for ((k, step), u) in steps.iter().enumerate().zip(inputs.iter().rev()) {
@@ -297,7 +321,7 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
                 let pressing = self.gradients.times(joints.position_after(a, b, reference));
                 if let Some(force) = force.next() {
-                    store(force, &pressing.minus(Short::splat(slack)).array());
+                    store(force, &pressing.minus(Short::splat(off_maximum)).array());
                 }
             }
             joints.advance(step, reference);
@@ -306,8 +330,14 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
             {
                 *position = joints.position.array();
             }
+            if k >= delay
+                && let Some(minimum) = minimum.next()
+            {
+                let pressing = self.gradients.times(joints.position);
+                store(minimum, &pressing.plus(Short::splat(slack)).array());
+            }
         }
-        if self.prediction.slack_price.is_some() {
+        if self.prediction.slack.is_some() {
             rest[0] = z[self.variables() - 1];
         }
     }
@@ -322,7 +352,7 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let delay = self.horizon.first_reached();
         let first = match kind {
             RowKind::JointSpeed | RowKind::Offset | RowKind::Rate => self.inputs_of(instant).start,
-            RowKind::JointPosition => self.inputs_of(instant - delay).start,
+            RowKind::JointPosition | RowKind::MinimumForce => self.inputs_of(instant - delay).start,
             RowKind::Force => self.inputs_of(self.horizon.force_points()[instant].step - delay).start,
             RowKind::Slack => self.variables() - 1,
         };
@@ -347,19 +377,23 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 self.sweep(Joints { position: Short::new(&position), ..Joints::ZERO }, instant + 1, out);
             }
             RowKind::Force => {
-                let bounds = self.prediction.constraints.force.as_slice();
-                let index = bounds.iter().position(|bound| bound.axis == component).unwrap_or(0);
+                let gradient = self.gradient_of(component);
                 let point = &self.horizon.force_points()[instant];
                 let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
                 let mut costate = Joints::ZERO;
-                let at_once = costate.seed(a, b, Short::new(&self.gradients.rows[index]));
+                let at_once = costate.seed(a, b, gradient);
                 if delay == 0 {
                     self.add_to_inputs(point.step, at_once, out);
                 }
                 self.sweep(costate, point.step, out);
-                if self.prediction.slack_price.is_some() {
+                if self.prediction.softened() == Some(Softened::Maximum) {
                     out[self.variables() - 1] = -SLACK_UNIT;
                 }
+            }
+            RowKind::MinimumForce => {
+                let position = self.gradient_of(component);
+                self.sweep(Joints { position, ..Joints::ZERO }, instant + 1, out);
+                out[self.variables() - 1] = SLACK_UNIT;
             }
             RowKind::Slack => out[first] = 1.0,
         }
@@ -371,18 +405,22 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let points = self.horizon.force_points();
         let mut instant = if self.at(RowKind::Force, 0).is_some() { points.len() } else { 0 };
         let mut slack = 0.0;
+        let off_maximum = if self.prediction.softened() == Some(Softened::Maximum) { SLACK_UNIT } else { 0.0 };
         for (k, step) in self.horizon.steps().iter().enumerate().rev() {
             if let Some(row) = self.at(RowKind::JointPosition, k) {
                 costate.position = costate.position.plus(section(multipliers, row));
+            }
+            if let Some(row) = self.at(RowKind::MinimumForce, k) {
+                let (position, sum) = self.pushed(multipliers, row);
+                costate.position = costate.position.plus(position);
+                slack += SLACK_UNIT * sum;
             }
             let mut reference = costate.back(step);
             while instant > 0 && points[instant - 1].step == k {
                 instant -= 1;
                 let row = self.at(RowKind::Force, instant).unwrap_or(0);
-                let pushing: [f64; M] =
-                    core::array::from_fn(|k| if k < self.bounded { multipliers[row + k] } else { 0.0 });
-                slack -= SLACK_UNIT * pushing.iter().sum::<f64>();
-                let position = self.gradients.transposed_times(Short::new(&pushing));
+                let (position, sum) = self.pushed(multipliers, row);
+                slack -= off_maximum * sum;
                 let point = &points[instant];
                 let at_once = costate.seed(&point.position_by_velocity, &point.position_by_reference, position);
                 reference = reference.plus(at_once);

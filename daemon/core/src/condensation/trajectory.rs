@@ -179,7 +179,7 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     }
     let n = M * steps.len();
     gradient[n..].fill(0.0);
-    if let Some(price) = prediction.slack_price {
+    if let Some((_, price)) = prediction.slack {
         gradient[n] = price * SLACK_UNIT;
     }
     // Only task weights need it.

@@ -1,7 +1,7 @@
 //! Problems (18) for the tests of the condensation: on the paper's arm, and arbitrary ones for any arm.
 
 use admittance_core::condensation::{Capacity, InputAxes, MpcRows, Prediction, Workspace};
-use admittance_core::constraints::{AxisBound, Constraints, ForceBounds, Interval};
+use admittance_core::constraints::{AxisBound, Constraints, ForceBounds, Interval, Softened};
 use admittance_core::cost::{SetPoint, Weights};
 use admittance_core::horizon::Horizon;
 use admittance_core::model::{Discretization, Model, State};
@@ -11,6 +11,9 @@ use super::{joint_weights, model, parameters, pushing, task_weights};
 
 pub(crate) const UNIFORM: [f64; 5] = [0.004; 5];
 pub(crate) const UNEVEN: [f64; 4] = [0.002, 0.004, 0.003, 0.006];
+
+pub(crate) const SLACKS: [Option<(Softened, f64)>; 3] =
+    [None, Some((Softened::Maximum, 30.0)), Some((Softened::Minimum, 20.0))];
 
 pub(crate) const DISCRETIZATIONS: [Discretization; 2] = [Discretization::Euler, Discretization::Zoh];
 
@@ -85,7 +88,7 @@ impl Case {
             weights: Box::leak(Box::new(self.weights)),
             jacobian: parameters.chain.kinematics(&q).task_jacobian(),
             input_weight: Vector2::new(10.0, 15.0),
-            slack_price: None,
+            slack: None,
         };
         let horizon = Horizon::new(
             self.discretization,
@@ -158,7 +161,7 @@ pub(crate) struct Shape {
     pub(crate) by_task: bool,
     /// T_est of even and of odd axes in s.
     pub(crate) estimate: [f64; 2],
-    pub(crate) slack_price: Option<f64>,
+    pub(crate) slack: Option<(Softened, f64)>,
     /// Without the wrench state and the bounded force of one axis, without some task weights.
     pub(crate) partial: bool,
 }
@@ -250,7 +253,7 @@ impl Shape {
             weights: Box::leak(Box::new(weights)),
             jacobian: numbers.matrix(1.0),
             input_weight: numbers.positive(10.0),
-            slack_price: self.slack_price,
+            slack: self.slack,
         };
         let (velocity, estimate) = self.time_constants();
         let horizon = Horizon::new(self.discretization, &self.steps, |step| self.inside(step), &velocity, &estimate);
@@ -269,10 +272,9 @@ pub(crate) fn shapes() -> Vec<Shape> {
             for steps in [even, uneven] {
                 for (by_task, partial) in [(false, false), (false, true), (true, false), (true, true)] {
                     let estimate = estimates[shapes.len() / DISCRETIZATIONS.len() % estimates.len()];
-                    let slack_price = (by_task != partial).then_some(30.0);
                     for discretization in DISCRETIZATIONS {
-                        let steps = steps.clone();
-                        shapes.push(Shape { discretization, steps, inputs, by_task, estimate, slack_price, partial });
+                        let (steps, slack) = (steps.clone(), SLACKS[shapes.len() % SLACKS.len()]);
+                        shapes.push(Shape { discretization, steps, inputs, by_task, estimate, slack, partial });
                     }
                 }
             }
