@@ -427,7 +427,8 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     }
     let delayed = config.control.command_delay_s;
     if config.mpc.model_delay && delayed > MAX_DELAY_CYCLES * sampling_time {
-        let accepted = format!("at most {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s with mpc.model_delay");
+        let accepted =
+            format!("at most {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s with mpc.model_delay");
         errors.push(ConfigError::new("control.command_delay_s", delayed, accepted));
     }
     joint_positions(limits, errors);

@@ -1,22 +1,22 @@
 //! From the configuration to the core's parameters.
 
+use admittance_core::constraints::Interval;
 use admittance_core::contact::Thresholds;
 use admittance_core::cost::Weights;
 use admittance_core::environment::Environment;
-use admittance_core::model::Discretization;
-use admittance_core::constraints::Interval;
 use admittance_core::horizon::growing_steps;
+use admittance_core::model::Discretization;
 use admittance_core::parameters::{
-    ContactPoint, ContactSign, ForcePoints, Guards, InputSelection, Law, LowerBound, MotionLimits, Mpc, OnContactLost, OnInfeasible,
-    Parameters, Stopping, Timing,
+    ContactPoint, ContactSign, ForcePoints, Guards, InputSelection, Law, LowerBound, MotionLimits, Mpc, OnContactLost,
+    OnInfeasible, Parameters, Stopping, Timing,
 };
 use admittance_core::plan::MAX_STEPS;
 use admittance_core::robot::{Pose, rotation_from_rpy};
 use nalgebra::{SVector, Vector3};
 
 use crate::config::{
-    Config, ContactPointName, ContactSignName, DiscretizationName, ForcePointsName, InputsName, LawName, LowerBoundName,
-    OnContactLostName, OnInfeasibleName, WeightSpace,
+    Config, ContactPointName, ContactSignName, DiscretizationName, ForcePointsName, InputsName, LawName,
+    LowerBoundName, OnContactLostName, OnInfeasibleName, WeightSpace,
 };
 
 /// Span of a horizon that is not given, in time constants of the slowest joint.

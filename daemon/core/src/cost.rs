@@ -1,4 +1,5 @@
-//! The cost (18a): Σ_{k=1..H} (x_k − x⁰)ᵀ Q (x_k − x⁰) + Σ_{k=0..H−1} u_kᵀ R u_k.
+//! The cost (18a): Σ_{k=1..H} (x_k − x⁰)ᵀ Q (x_k − x⁰) + Σ_{k=0..H−1} u_kᵀ R u_k; over uneven steps each counts by its length,
+//! see [`Horizon::share`](crate::horizon::Horizon::share).
 
 use nalgebra::SVector;
 

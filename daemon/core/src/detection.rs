@@ -69,7 +69,8 @@ impl Detection {
     ) {
         let normal = environment.normal;
         let outward = |vector: &SVector<f64, D>| normal.dot(vector);
-        let position = SVector::<f64, D>::from_fn(|axis, _| if axis < 3 { kinematics.pose.position[axis] } else { 0.0 });
+        let position =
+            SVector::<f64, D>::from_fn(|axis, _| if axis < 3 { kinematics.pose.position[axis] } else { 0.0 });
         self.push(Felt {
             stamp: sample.stamp,
             depth: -outward(&position),

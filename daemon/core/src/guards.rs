@@ -37,7 +37,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     pub(crate) fn should_keep_contact(&self, sample: &Sample<N, D>) -> bool {
         let leaves = self.parameters.environment.outward_speed(&sample.twist_reference) > stopping::STANDSTILL;
         let mpc = &self.parameters.mpc;
-        self.parameters.law == Law::Mpc && mpc.lower_bound == LowerBound::OnceReached && !leaves && self.reached.contains(&true)
+        self.parameters.law == Law::Mpc
+            && mpc.lower_bound == LowerBound::OnceReached
+            && !leaves
+            && self.reached.contains(&true)
     }
 
     /// Why this sample's force stops the arm.

@@ -27,6 +27,8 @@ pub struct Horizon<const N: usize, const D: usize> {
     steps: [Step<N, D>; MAX_STEPS],
     /// Start of each step in s from the sample.
     starts: [f64; MAX_STEPS],
+    /// Length of each step over the mean length.
+    shares: [f64; MAX_STEPS],
     len: usize,
     is_even: bool,
     follows_within: bool,
@@ -137,16 +139,19 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
         let mut horizon = Self {
             steps: [stretch(0.0); MAX_STEPS],
             starts: [0.0; MAX_STEPS],
+            shares: [1.0; MAX_STEPS],
             len: durations.len().min(MAX_STEPS),
             is_even: durations.windows(2).all(|pair| pair[0] == pair[1]),
             follows_within: false,
             points: [none; MAX_FORCE_POINTS],
             point_count: 0,
         };
+        let mean = durations.iter().sum::<f64>() / durations.len() as f64;
         let mut start = 0.0;
         for (step, &duration) in durations.iter().enumerate().take(MAX_STEPS) {
             horizon.steps[step] = stretch(duration);
             horizon.starts[step] = start;
+            horizon.shares[step] = if horizon.is_even { 1.0 } else { duration / mean };
             horizon.follows_within |= follows_within(&horizon.steps[step]);
             for &part in inside(step).iter().chain(&[1.0]) {
                 let to_here = stretch(duration * part);
@@ -190,6 +195,12 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
     /// First step at whose end an input can have moved a joint.
     pub fn first_reached(&self) -> usize {
         usize::from(!acts_at_once(&self.steps[0].position_by_reference)).min(self.len)
+    }
+
+    /// How much step `step` counts in the cost: its length over the mean length. Over even steps all count once, as in (18a);
+    /// over uneven ones the cost stays an integral over time.
+    pub fn share(&self, step: usize) -> f64 {
+        self.shares[step]
     }
 
     /// Start of step `step` in s from the sample.

@@ -75,7 +75,6 @@ struct Start<const N: usize, const D: usize> {
     verdict: Option<Verdict>,
 }
 
-
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N, D, S, B> {
     /// (18) for the axes in contact.
     pub(crate) fn optimize(
@@ -266,9 +265,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             let lag = self.parameters.velocity_time_constant[joint] + self.parameters.timing.command_delay;
             sample.joint_position[joint] + lag * sample.joint_velocity[joint]
         };
-        let (low, high) = (|joint: usize| coasted(joint).min(sample.joint_position[joint]), |joint: usize| {
-            coasted(joint).max(sample.joint_position[joint])
-        });
+        let (low, high) = (
+            |joint: usize| coasted(joint).min(sample.joint_position[joint]),
+            |joint: usize| coasted(joint).max(sample.joint_position[joint]),
+        );
         Interval {
             lower: SVector::from_fn(|joint, _| limits.lower[joint].min(low(joint))),
             upper: SVector::from_fn(|joint, _| limits.upper[joint].max(high(joint))),

@@ -47,8 +47,10 @@ impl<const D: usize> UnderWay<D> {
     /// What acts between two instants in ns, in order.
     pub(crate) fn between(&self, start: u64, end: u64) -> impl Iterator<Item = Stretch<D>> {
         let commands = &self.commands[..self.len];
-        let ends = (0..=self.len).map(move |next| commands.get(next).map_or(end, |(from, _)| (*from).clamp(start, end)));
-        let offsets = (0..=self.len).map(move |next| next.checked_sub(1).map_or(Some(SVector::zeros()), |at| commands[at].1));
+        let ends =
+            (0..=self.len).map(move |next| commands.get(next).map_or(end, |(from, _)| (*from).clamp(start, end)));
+        let offsets =
+            (0..=self.len).map(move |next| next.checked_sub(1).map_or(Some(SVector::zeros()), |at| commands[at].1));
         let mut begun = start;
         ends.zip(offsets).filter_map(move |(end, offset)| {
             let duration = end.saturating_sub(begun) as f64 * 1e-9;

@@ -38,13 +38,14 @@ fn cost<const N: usize, const D: usize>(problem: &Problem<N, D>, z: &[f64]) -> f
     let mut cost = 0.0;
     for k in 0..problem.horizon.steps().len() {
         let u = problem.input(z, k);
-        cost += u.dot(&u.component_mul(&p.input_weight));
+        cost += problem.horizon.share(k) * u.dot(&u.component_mul(&p.input_weight));
     }
-    for x in &problem.trajectory(z)[1..] {
+    for (k, x) in problem.trajectory(z)[1..].iter().enumerate() {
+        let share = problem.horizon.share(k);
         let (dq, dv) = (x.joint_position - p.set_point.joint_position, x.joint_velocity - p.set_point.joint_velocity);
-        cost += dq.dot(&(on_position * dq)) + dv.dot(&(on_velocity * dv));
+        cost += share * (dq.dot(&(on_position * dq)) + dv.dot(&(on_velocity * dv)));
         for &axis in p.wrench_axes.as_slice() {
-            cost += on_wrench[axis] * (x.wrench[axis] - p.set_point.wrench[axis]).powi(2);
+            cost += share * on_wrench[axis] * (x.wrench[axis] - p.set_point.wrench[axis]).powi(2);
         }
     }
     let slack = p.slack.map_or(0.0, |(_, price)| {

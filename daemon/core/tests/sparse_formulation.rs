@@ -101,13 +101,14 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
         q[4 + axis][4 + axis] = on_wrench[axis];
     }
     for k in 0..h {
-        for (row, weights) in q.iter().enumerate() {
-            hessian[k * STATE + row][k * STATE..(k + 1) * STATE].copy_from_slice(weights);
+        let share = problem.horizon.share(k);
+        for (row, weights) in q.iter().map(|weights| weights.map(|weight| weight * share)).enumerate() {
+            hessian[k * STATE + row][k * STATE..(k + 1) * STATE].copy_from_slice(&weights);
             gradient[k * STATE + row] = -weights.iter().zip(set_point).map(|(weight, x)| weight * x).sum::<f64>();
         }
         for (index, &axis) in axes.iter().enumerate() {
             let at = inputs_at + k * m + index;
-            hessian[at][at] = p.input_weight[axis];
+            hessian[at][at] = p.input_weight[axis] * share;
         }
     }
 

@@ -163,14 +163,14 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
         let set_point = &problem.set_point;
         let (Weights::Joint { wrench, .. } | Weights::Task { wrench, .. }) = &sequence.weights;
         for step in 1..=self.steps() {
-            let state = self.state(step);
+            let (state, share) = (self.state(step), sequence.horizon.share(step - 1));
             match &sequence.weights {
                 Weights::Joint { position, velocity, .. } => {
                     for (offset, weight, target) in
                         [(0, position, &set_point.joint_position), (N, velocity, &set_point.joint_velocity)]
                     {
                         for joint in 0..N {
-                            self.push_square(state + offset + joint, weight[joint], target[joint]);
+                            self.push_square(state + offset + joint, share * weight[joint], target[joint]);
                         }
                     }
                 }
@@ -183,7 +183,7 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
                         }
                         // Jᵀ W J, its upper triangle.
                         let jacobian = &problem.jacobian;
-                        let block = jacobian.tr_mul(&SMatrix::from_diagonal(weight)) * jacobian;
+                        let block = jacobian.tr_mul(&SMatrix::from_diagonal(weight)) * jacobian * share;
                         let gradient = -2.0 * block * target;
                         for column in 0..N {
                             for row in 0..=column {
@@ -196,12 +196,13 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
                 }
             }
             for (position, &axis) in self.wrench_axes.iter().enumerate() {
-                self.push_square(state + 2 * N + position, wrench[axis], set_point.wrench[axis]);
+                self.push_square(state + 2 * N + position, share * wrench[axis], set_point.wrench[axis]);
             }
         }
         for step in 0..self.steps() {
             for (position, &axis) in self.axes.iter().enumerate() {
-                self.push_square(self.input(step) + position, sequence.input_weight[axis], 0.0);
+                let share = sequence.horizon.share(step);
+                self.push_square(self.input(step) + position, share * sequence.input_weight[axis], 0.0);
             }
         }
     }

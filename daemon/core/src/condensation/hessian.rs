@@ -199,6 +199,8 @@ struct WrenchOutputs<'a, const N: usize, const M: usize> {
     axes: &'a [usize],
     /// Of unused outputs zero, as their responses are.
     weight: [f64; M],
+    /// The weight in the step that has been written.
+    weight_here: [f64; M],
     spread: Spread<N, M, M>,
     estimates: &'a mut [[Group; M]],
 }
@@ -212,12 +214,13 @@ impl<'a, const N: usize, const M: usize> WrenchOutputs<'a, N, M> {
         let gradients = &rows.model.wrench_gradient.data.0;
         let gradient = |output: usize, joint: usize| axes.get(output).map_or(0.0, |&axis| gradients[axis][joint]);
         let weight = core::array::from_fn(|output| axes.get(output).map_or(0.0, |&axis| wrench[axis]));
-        Self { axes, weight, spread: Spread::new(rows, gradient), estimates }
+        Self { axes, weight, weight_here: weight, spread: Spread::new(rows, gradient), estimates }
     }
 
-    /// At the end of step `step`, which inputs from the column of steps `first` on reach.
+    /// At the end of step `step`, which inputs from the column of steps `first` on reach and which counts by `share`.
     #[inline(always)]
-    fn write<const D: usize>(&mut self, responses: &Responses<'_, N, D>, step: usize, first: usize) {
+    fn write<const D: usize>(&mut self, responses: &Responses<'_, N, D>, step: usize, first: usize, share: f64) {
+        self.weight_here = self.weight.map(|weight| weight * share);
         let by_column = responses.wrench(step);
         // An output that is not used has a gradient of zero, whatever the response.
         let axes: [usize; M] = core::array::from_fn(|output| self.axes.get(output).copied().unwrap_or(0));
@@ -226,15 +229,16 @@ impl<'a, const N: usize, const M: usize> WrenchOutputs<'a, N, M> {
 
     #[inline(always)]
     fn terms(&self, index: usize) -> Terms<'_, M> {
-        Terms::squared(self.estimates, index, &self.weight)
+        Terms::squared(self.estimates, index, &self.weight_here)
     }
 }
 
 /// TCP velocities and positions, with task weights.
 struct TcpOutputs<'a, const N: usize, const D: usize, const M: usize> {
     spread: Spread<N, D, M>,
-    velocity_weight: &'a [f64; D],
-    position_weight: &'a [f64; D],
+    /// Weights in the step that has been written.
+    velocity_weight: [f64; D],
+    position_weight: [f64; D],
     has_position: bool,
     velocities: &'a mut [[Group; D]],
     positions: &'a mut [[Group; D]],
@@ -254,9 +258,9 @@ impl<const N: usize, const D: usize, const M: usize> TcpOutputs<'_, N, D, M> {
     /// Adds these outputs and the wrench estimates to a row.
     #[inline(always)]
     fn add_to(&self, row: &mut [Group], shifted: Option<&[Group]>, wrench: &WrenchOutputs<'_, N, M>, index: usize) {
-        add(row, shifted, &wrench.terms(index), &Terms::squared(self.velocities, index, self.velocity_weight));
+        add(row, shifted, &wrench.terms(index), &Terms::squared(self.velocities, index, &self.velocity_weight));
         if self.has_position {
-            add(row, None, &Terms::squared(self.positions, index, self.position_weight), &NOTHING);
+            add(row, None, &Terms::squared(self.positions, index, &self.position_weight), &NOTHING);
         }
     }
 }
@@ -307,7 +311,7 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
     let (estimates, rest) = panel(scratch, groups);
     let mut wrench = WrenchOutputs::new(rows, estimates);
     if is_even {
-        wrench.write(responses, last, 0);
+        wrench.write(responses, last, 0, 1.0);
     }
     let mut triangle = Triangle { values: hessian, stride, is_even };
     match prediction.weights {
@@ -336,7 +340,7 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
                 }
             }
             for k in (0..=last).filter(|_| !is_even) {
-                wrench.write(responses, k, last - k);
+                wrench.write(responses, k, last - k, horizon.share(k));
                 for index in (last - k) * M..n {
                     add(triangle.row(index), None, &wrench.terms(index), &NOTHING);
                 }
@@ -347,8 +351,8 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
             let (positions, _) = panel(rest, groups);
             let mut tcp = TcpOutputs {
                 spread: Spread::new(rows, |axis, joint| prediction.jacobian[(axis, joint)]),
-                velocity_weight: array(velocity),
-                position_weight: array(position),
+                velocity_weight: *array(velocity),
+                position_weight: *array(position),
                 has_position: position.iter().any(|weight| *weight != 0.0),
                 velocities,
                 positions,
@@ -363,7 +367,10 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
                 }
             }
             for k in (0..=last).filter(|_| !is_even) {
-                wrench.write(responses, k, last - k);
+                let share = horizon.share(k);
+                wrench.write(responses, k, last - k, share);
+                tcp.velocity_weight = array(velocity).map(|weight| weight * share);
+                tcp.position_weight = array(position).map(|weight| weight * share);
                 tcp.write(responses, k, last - k);
                 for index in (last - k) * M..n {
                     tcp.add_to(triangle.row(index), None, &wrench, index);
@@ -380,10 +387,11 @@ fn finish<const N: usize, const D: usize, const M: usize>(
     hessian: &mut [f64],
     stride: usize,
 ) {
-    let (prediction, n) = (rows.prediction, M * rows.horizon.steps().len());
+    let (prediction, steps) = (rows.prediction, rows.horizon.steps().len());
+    let n = M * steps;
     let weight: [f64; M] = core::array::from_fn(|a| prediction.input_weight[prediction.inputs.as_slice()[a]]);
     for (index, row) in hessian.chunks_exact_mut(stride).enumerate().take(n) {
-        row[index] += weight[index % M];
+        row[index] += weight[index % M] * rows.horizon.share(steps - 1 - index / M);
     }
     if let Some((_, price)) = prediction.slack {
         hessian.chunks_exact_mut(stride).take(n).for_each(|row| row[n] = 0.0);

@@ -102,7 +102,9 @@ pub(super) fn fill<const N: usize, const D: usize>(
             cost[(r * width + s / LANES * LANES) * N + joint * LANES + s % LANES] = (first..h)
                 .map(|k| {
                     let (r, s) = ((k * h + r) * N + joint, (k * h + s) * N + joint);
-                    by_position[joint] * position[r] * position[s] + by_velocity[joint] * velocity[r] * velocity[s]
+                    let squares =
+                        by_position[joint] * position[r] * position[s] + by_velocity[joint] * velocity[r] * velocity[s];
+                    horizon.share(k) * squares
                 })
                 .sum();
         }

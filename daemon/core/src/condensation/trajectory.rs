@@ -191,12 +191,17 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     let mut push = Short::<M>::ZERO;
     // Variables stand in reversed time order: backward in time is forward in g.
     let backward = steps.iter().zip(&free.joints[1..]).zip(&*free.wrench).rev();
-    for (((step, joints), wrench), place) in backward.zip(gradient.as_chunks_mut::<M>().0) {
+    let mut weight = estimates.weight;
+    for ((k, ((step, joints), wrench)), place) in
+        (0..steps.len()).rev().zip(backward).zip(gradient.as_chunks_mut::<M>().0)
+    {
+        let share = rows.horizon.share(k);
         if !is_even {
             filter = Filter::of(axes, step);
+            weight = estimates.weight.times(Short::splat(share));
         }
-        add_joint_cost(rows, &jacobian, &joints_of(joints), &mut costate);
-        push = Short::new(wrench).minus(estimates.set_point).times_plus(estimates.weight, push);
+        add_joint_cost(rows, &jacobian, &joints_of(joints), share, &mut costate);
+        push = Short::new(wrench).minus(estimates.set_point).times_plus(weight, push);
         let mut reference = costate.back(step);
         if follows_within {
             reference = reference.plus(estimates.sensitivity_within(axes, step, push, &mut costate));
@@ -207,17 +212,18 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     }
 }
 
-/// costate += Q (x − x⁰) of q and q̇.
+/// costate += `share` Q (x − x⁰) of q and q̇.
 #[inline(always)]
 fn add_joint_cost<const N: usize, const D: usize, const M: usize>(
     rows: &MpcRows<'_, N, D, M>,
     jacobian: &Matrix<D, N>,
     joints: &Joints<N>,
+    share: f64,
     costate: &mut Joints<N>,
 ) {
-    let set_point = &rows.prediction.set_point;
-    let q = joints.position.minus(Short::of(&set_point.joint_position));
-    let v = joints.velocity.minus(Short::of(&set_point.joint_velocity));
+    let (set_point, share) = (&rows.prediction.set_point, Short::splat(share));
+    let q = joints.position.minus(Short::of(&set_point.joint_position)).times(share);
+    let v = joints.velocity.minus(Short::of(&set_point.joint_velocity)).times(share);
     match rows.prediction.weights {
         Weights::Joint { position, velocity, .. } => {
             costate.position = q.times_plus(Short::of(position), costate.position);

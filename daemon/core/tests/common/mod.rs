@@ -11,7 +11,10 @@ use admittance_core::cost::Weights;
 use admittance_core::environment::{Environment, tilted_normal};
 use admittance_core::model::{Discretization, Model};
 use admittance_core::outcome::Outcome;
-use admittance_core::parameters::{InputSelection, Law, Mpc, OffsetLimits, OnInfeasible, Parameters, Stopping, Timing};
+use admittance_core::parameters::{
+    ContactPoint, ContactSign, ForcePoints, Guards, InputSelection, Law, LowerBound, MotionLimits, Mpc, OnContactLost, OnInfeasible,
+    Parameters, Stopping, Timing,
+};
 use admittance_core::plan::MAX_STEPS;
 use admittance_core::qp::{ActiveSet, QpSolver, SolverCapacity};
 use admittance_core::robot::{Chain, Joint, Pose, right_inverse};
@@ -53,10 +56,26 @@ pub(crate) fn parameters() -> Parameters<2, 2> {
             input_weight: Vector2::repeat(10.0),
             force_limit: Vector2::repeat(200.0),
             minimum_force: Vector2::repeat(0.1),
+            limit_tolerance: 0.0,
+            sign: ContactSign::Wrench,
+            lower_bound: LowerBound::Always,
+            force_points: ForcePoints::StepEnds,
+            models_delay: false,
+            normal_force_reference: 0.0,
+            on_contact_lost: OnContactLost::Continue,
             on_infeasible: OnInfeasible::Halt,
             solution_tolerance: 1e-5,
         },
-        limits: OffsetLimits { offset: Vector2::repeat(2.0), release_rate: 10.0 },
+        limits: MotionLimits {
+            offset: Vector2::repeat(2.0),
+            release_rate: 10.0,
+            inward_rate: None,
+            outward_rate: None,
+            joint_speed: None,
+            joint_position: None,
+        },
+        contact_point: ContactPoint::Configured,
+        guards: Guards { force: None, mismatch: None, mismatch_cycles: 3 },
         timing: Timing {
             sampling_time: 0.004,
             command_delay: 0.0,
