@@ -5,6 +5,7 @@ mod demo;
 mod report;
 mod request;
 mod schema;
+mod study;
 mod validate;
 
 use std::process::ExitCode;
@@ -43,6 +44,8 @@ enum Command {
     Schema(schema::Args),
     /// Time the solver on this machine.
     Bench(bench::Args),
+    /// Hold the controller's verdicts against what is attainable, over random contacts.
+    Study(study::Args),
     /// The daemon itself, in this process: what the demo starts.
     #[command(hide = true, disable_help_flag = true)]
     RoleDaemon {
@@ -79,6 +82,7 @@ fn main() -> ExitCode {
         Command::Reset(args) => request::reset(&args),
         Command::Schema(args) => schema::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Study(args) => study::run(&args),
         Command::RoleDaemon { arguments } => Ok(admittanced::main_with_args(arguments.into_iter())),
         Command::RolePlant { arguments } => Ok(plant_sim::main_with_args(arguments.into_iter())),
     };

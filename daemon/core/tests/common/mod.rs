@@ -12,8 +12,8 @@ use admittance_core::environment::{Environment, tilted_normal};
 use admittance_core::model::{Discretization, Model};
 use admittance_core::outcome::Outcome;
 use admittance_core::parameters::{
-    ContactPoint, ContactSign, ForcePoints, Guards, InputSelection, Law, LowerBound, MotionLimits, Mpc, OnContactLost, OnInfeasible,
-    Parameters, Stopping, Timing,
+    ContactPoint, ContactSign, ForcePoints, Guards, InputSelection, Law, LowerBound, MotionLimits, Mpc, OnContactLost,
+    OnInfeasible, Parameters, Stopping, Timing,
 };
 use admittance_core::plan::MAX_STEPS;
 use admittance_core::qp::{ActiveSet, QpSolver, SolverCapacity};

@@ -1,0 +1,214 @@
+//! `admittancectl study`: what the controller's verdicts are worth, over many random contacts.
+
+#[cfg(test)]
+mod approach;
+mod arm;
+mod attainable;
+mod case;
+mod controller;
+mod draw;
+mod ocp;
+mod one;
+mod speed_figure;
+mod statistics;
+mod table;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc;
+use std::thread;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::Exit;
+use controller::{Profile, Variant};
+use draw::Draw;
+use statistics::Case;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    /// Hold the feasibility verdict against what is attainable at all, over random contacts in virtual time.
+    #[command(after_help = "Examples:\n  admittancectl study verdict --runs 1000 --seed 1\n  \
+        admittancectl study verdict --runs 10000 --seed 1 --json > verdict.json\n\n\
+        First active sample: the first whose wrench estimate exceeds the activation threshold on an axis. Attainable: from \
+        its state some input, held for a sampling time each, keeps the force limits for 100 ms. Feasible: no verdict of the \
+        run is infeasible. Unsound: a limit exceeded by more than 0.5 N + 0.5 % in a cycle whose verdict was feasible. \
+        Timid: infeasible though attainable, at once or later. Withdrawn: feasible first, infeasible later. The same seed gives the same \
+        answer, whatever the number of threads.")]
+    Verdict(VerdictArgs),
+    /// Say all about one contact of a verdict study.
+    #[command(after_help = "Example:\n  admittancectl study case --seed 1 --index 42 --save /tmp/case-42")]
+    Case(CaseArgs),
+}
+
+#[derive(Debug, clap::Args)]
+struct VerdictArgs {
+    /// Number of random contacts.
+    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    runs: u64,
+    /// Seed of the random contacts.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads; one for each processor when absent.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Also find the highest safe approach speed at each cycle time, and draw it into this SVG file.
+    #[arg(long, value_name = "FILE")]
+    figure: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+struct CaseArgs {
+    /// Seed of the study.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Number of the contact in the study, from 0.
+    #[arg(long)]
+    index: u64,
+    /// Also write its scenario and its controllers' configurations into this directory.
+    #[arg(long, value_name = "DIRECTORY")]
+    save: Option<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
+    match &args.what {
+        What::Verdict(args) => verdict(args),
+        What::Case(args) => one_of_them(args),
+    }
+}
+
+fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
+    print!("{}", one::describe(args.seed, args.index).map_err(|why| (Exit::Internal, why))?);
+    if let Some(directory) = &args.save {
+        one::save(args.seed, args.index, directory).map_err(|why| (Exit::Unavailable, why))?;
+    }
+    Ok(Exit::Ok)
+}
+
+fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
+    let threads = args.threads.map_or_else(processors, usize::from);
+    let write = |path: &Path, text: &str| {
+        std::fs::write(path, text).map_err(|error| (Exit::Unavailable, format!("{}: {error}", path.display())))
+    };
+    if let Some(path) = &args.figure {
+        // A typing error shows now, not after the study.
+        write(path, "")?;
+    }
+    let cases = cases(args.seed, args.runs, threads).map_err(|why| (Exit::Internal, why))?;
+    let mut figures = statistics::figures(args.seed, &cases);
+    if let Some(path) = &args.figure {
+        let speeds = speed_figure::speeds(threads).map_err(|why| (Exit::Internal, why))?;
+        let svg = speed_figure::svg(&speeds).map_err(|why| (Exit::Internal, why))?;
+        write(path, &svg)?;
+        figures.approach_speeds = Some(speeds);
+    }
+    if args.json {
+        let json = serde_json::to_string_pretty(&figures).map_err(|error| (Exit::Internal, error.to_string()))?;
+        println!("{json}");
+    } else {
+        println!("{}", table::table(&figures));
+    }
+    Ok(Exit::Ok)
+}
+
+fn processors() -> usize {
+    thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Cases 0 to `runs` − 1, in this order.
+///
+/// # Errors
+/// A case that could not be drawn.
+fn cases(seed: u64, runs: u64, threads: usize) -> Result<Vec<Case>, String> {
+    let (next, (sender, receiver)) = (AtomicU64::new(0), mpsc::channel());
+    // Hidden when stderr is no terminal.
+    let bar = ProgressBar::new(runs).with_style(
+        ProgressStyle::with_template("{bar:40} {pos}/{len} contacts, {eta} left")
+            .unwrap_or_else(|_| ProgressStyle::default_bar()),
+    );
+    let mut cases = thread::scope(|scope| {
+        for _ in 0..threads {
+            let (next, sender) = (&next, sender.clone());
+            scope.spawn(move || {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    // Nobody listens any more after an error.
+                    if index >= runs || sender.send(one_case(seed, index)).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        receiver.into_iter().inspect(|_| bar.inc(1)).collect::<Result<Vec<Case>, String>>()
+    })?;
+    bar.finish_and_clear();
+    cases.sort_by_key(|case| case.draw.index);
+    Ok(cases)
+}
+
+/// Draws a case, runs every variant, and asks the judge.
+fn one_case(seed: u64, index: u64) -> Result<Case, String> {
+    let draw = Draw::new(seed, index)?;
+    let runs = Variant::ALL.map(|variant| {
+        let scenario = controller::scenario(&draw)?;
+        case::run(&controller::controller(&draw, Profile::Default, variant)?, &scenario)
+    });
+    // Up to the first active sample all variants are the same.
+    let first = runs[0].as_ref().ok().and_then(|seen| seen.first_active);
+    let answer = first.map(|first| case::contact(&draw, &first).lowest_peak());
+    let optimum_n = answer.as_ref().and_then(|answer| answer.as_ref().ok()).map_or(f64::NAN, |answer| answer.optimum_n);
+    let attainable_peak_n = answer.map(|answer| answer.map(|answer| answer.peak_n));
+    Ok(Case { draw, attainable_peak_n, optimum_n, runs })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_answer_does_not_depend_on_the_number_of_threads() {
+        let text = |threads| {
+            let figures = statistics::figures(11, &cases(11, 12, threads).unwrap());
+            serde_json::to_string(&figures).unwrap()
+        };
+        assert_eq!(text(1), text(3));
+    }
+
+    #[test]
+    fn all_variants_become_active_in_the_same_state() {
+        for index in 0..8 {
+            let case = one_case(2, index).unwrap();
+            let first = |run: &Result<case::Seen, String>| run.as_ref().unwrap().first_active;
+            let active = first(&case.runs[0]).unwrap();
+            // The judge's arm and surface are the plant's.
+            let contact = case::contact(&case.draw, &active);
+            let force = contact.stiffness_n_m * contact.penetration_m(contact.joint_position_rad);
+            assert!((force - active.normal_force_n).abs() < 1e-6 * force, "{force} {}", active.normal_force_n);
+            assert!(case.runs.iter().all(|run| first(run) == first(&case.runs[0])), "case {index}");
+        }
+    }
+
+    #[test]
+    fn the_judge_agrees_with_every_joint_outward_at_once() {
+        // Not what the judge does, but an upper bound that anyone can compute.
+        for index in 0..40 {
+            let draw = Draw::new(3, index).unwrap();
+            let config = controller::controller(&draw, Profile::Default, Variant::Nominal).unwrap();
+            let seen = case::run(&config, &controller::scenario(&draw).unwrap()).unwrap();
+            let contact = case::contact(&draw, &seen.first_active.unwrap());
+            let (judge, outward) = (contact.lowest_peak().unwrap(), contact.peak_of_full_speed_outward_n());
+            let ratio = judge.peak_n / outward;
+            assert!((0.97..1.001).contains(&ratio), "case {index}: {} of {outward} N", judge.peak_n);
+        }
+    }
+}
