@@ -20,6 +20,8 @@ const OFFSET_LIMIT_M_S: f64 = 20.0;
 pub(crate) enum Variant {
     /// What is true.
     Nominal,
+    /// What is true, but for the contact point, which it has to find.
+    Detected,
     /// A contact point 1 mm further out: it expects the force earlier than it comes.
     PointOut,
     /// A contact point 1 mm deeper.
@@ -32,12 +34,14 @@ pub(crate) enum Variant {
 
 impl Variant {
     /// All, the true one first.
-    pub(crate) const ALL: [Self; 5] = [Self::Nominal, Self::PointOut, Self::PointIn, Self::Stiffer, Self::Softer];
+    pub(crate) const ALL: [Self; 6] =
+        [Self::Nominal, Self::Detected, Self::PointOut, Self::PointIn, Self::Stiffer, Self::Softer];
 
     /// Key in JSON and heading of its column.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Nominal => "nominal",
+            Self::Detected => "detected",
             Self::PointOut => "contact_point_plus_1mm",
             Self::PointIn => "contact_point_minus_1mm",
             Self::Stiffer => "stiffness_times_5",
@@ -48,7 +52,7 @@ impl Variant {
     /// (distance in m of the believed contact point along the outward normal, factor of the believed stiffness)
     fn belief(self) -> (f64, f64) {
         match self {
-            Self::Nominal => (0.0, 1.0),
+            Self::Nominal | Self::Detected => (0.0, 1.0),
             Self::PointOut => (0.001, 1.0),
             Self::PointIn => (-0.001, 1.0),
             Self::Stiffer => (0.0, 5.0),
@@ -110,7 +114,7 @@ pub(crate) fn controller_text(draw: &Draw, profile: Profile, variant: Variant) -
          release_threshold = {release_threshold:?}\nforce_limit = {limit:?}\nminimum_force = {minimum_force:?}\n\
          wrench_time_constant_s = {wrench:?}\n{contact}\n\
          [environment]\nnormal_stiffness_n_m = {stiffness:?}\nsurface_normal = {normal:?}\n\
-         contact_point_m = {point:?}\n\n\
+         {point}\n\n\
          [mpc]\n{mpc}\n\n\
          [limits]\nvelocity_offset = {offset:?}\njoint_speed_rad_s = {speed:?}\n\n[stopping]\n\n[realtime]\n",
         head = arm_sections(draw),
@@ -122,7 +126,10 @@ pub(crate) fn controller_text(draw: &Draw, profile: Profile, variant: Variant) -
         wrench = [draw.wrench_time_constant_s; 2],
         stiffness = draw.stiffness_n_m * factor,
         normal = [normal_x, normal_y, 0.0],
-        point = [x + out_m * normal_x, y + out_m * normal_y, 0.0],
+        point = match variant {
+            Variant::Detected => "contact = \"detected\"".to_owned(),
+            _ => format!("contact_point_m = {:?}", [x + out_m * normal_x, y + out_m * normal_y, 0.0]),
+        },
         offset = [OFFSET_LIMIT_M_S; 2],
         speed = [draw.joint_speed_limit_rad_s; 2],
     )

@@ -138,7 +138,7 @@ pub(crate) struct Column {
     pub(crate) no_contact: u32,
     /// Apart: no run, or no answer of the judge.
     pub(crate) failed: u32,
-    /// Indices of unsound, timid and withdrawn cases, the first of each: to look at.
+    /// Indices of cases to look at, the first of each kind.
     pub(crate) examples: Examples,
 }
 
@@ -148,10 +148,16 @@ pub(crate) struct Examples {
     pub(crate) unsound: Vec<u64>,
     pub(crate) timid: Vec<u64>,
     pub(crate) withdrawn: Vec<u64>,
+    /// Feasible runs that lost contact.
+    pub(crate) lost: Vec<u64>,
+    /// Stops over [`HIGH_PEAK`] times the lowest attainable peak.
+    pub(crate) high: Vec<u64>,
     pub(crate) failed: Vec<u64>,
 }
 
 const MOST_EXAMPLES: usize = 10;
+/// Peak of a stop over the lowest attainable one, above which it is worth a look.
+const HIGH_PEAK: f64 = 1.02;
 
 fn example(list: &mut Vec<u64>, case: &Case) {
     if list.len() < MOST_EXAMPLES {
@@ -268,7 +274,10 @@ fn column(cases: &[Case], variant: usize) -> Column {
             column.feasible += 1;
             column.over_limit_without_verdict += u32::from(exceeds(seen.peak_without_verdict_n, limit));
             column.contact_losses += seen.contact_losses;
-            column.runs_with_contact_losses += u32::from(seen.contact_losses > 0);
+            if seen.contact_losses > 0 {
+                column.runs_with_contact_losses += 1;
+                example(&mut column.examples.lost, case);
+            }
         } else {
             if attainable {
                 column.timid_runs += 1;
@@ -284,7 +293,11 @@ fn column(cases: &[Case], variant: usize) -> Column {
             column.other_stops += u32::from(seen.is_feasible());
             column.resting_over_limit += u32::from(exceeds(seen.resting_force_n, limit));
             resting.push(seen.resting_force_n);
-            ratios.extend(case.peak_n().map(|peak| seen.peak_n / peak));
+            let ratio = case.peak_n().map(|peak| seen.peak_n / peak);
+            if ratio.is_some_and(|ratio| ratio > HIGH_PEAK) {
+                example(&mut column.examples.high, case);
+            }
+            ratios.extend(ratio);
         }
     }
     column.timid = (column.attainable > 0).then(|| f64::from(column.timid_runs) / f64::from(column.attainable));

@@ -31,10 +31,10 @@ pub(crate) fn table(figures: &Figures) -> String {
         ("apart: under 3 samples in contact", |c| c.brief.to_string()),
         ("apart: no active sample", |c| c.no_contact.to_string()),
         ("apart: failed", |c| c.failed.to_string()),
-        ("look at (unsound; timid; withdrawn)", |c| {
+        ("look at (unsound; timid; withdrawn; lost; high)", |c| {
             let some = |list: &[u64]| list.iter().take(3).map(u64::to_string).collect::<Vec<_>>().join(" ");
             let e = &c.examples;
-            format!("{}; {}; {}", some(&e.unsound), some(&e.timid), some(&e.withdrawn))
+            [&e.unsound, &e.timid, &e.withdrawn, &e.lost, &e.high].map(|list| some(list)).join("; ")
         }),
     ];
     let columns: Vec<&Column> = Variant::ALL
