@@ -44,6 +44,8 @@ pub struct Controller<const N: usize, const D: usize, S, B> {
     pub(crate) planned: bool,
     /// Axes on which f̂ has reached f_min since they joined.
     pub(crate) reached: [bool; D],
+    /// Largest s·f_lin on each axis since the contact began, N.
+    pub(crate) deepest: [f64; D],
     pub(crate) surface_signs: SurfaceSigns<D>,
     pub(crate) detection: Detection,
     pub(crate) under_way: UnderWay<D>,
@@ -93,6 +95,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             plan: Plan::empty(),
             planned: false,
             reached: [false; D],
+            deepest: [0.0; D],
             detection: Detection::new(),
             under_way: UnderWay::none(),
             mismatches: 0,
@@ -138,7 +141,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     pub fn continue_from(&mut self, old: &Self) {
         (self.mode, self.contact, self.offset) = (old.mode, old.contact, old.offset);
         (self.plan, self.planned, self.under_way) = (old.plan, old.planned, old.under_way);
-        (self.reached, self.detection) = (old.reached, old.detection);
+        (self.reached, self.deepest, self.detection) = (old.reached, old.deepest, old.detection);
         (self.expected, self.mismatches) = (old.expected, old.mismatches);
         if self.parameters.contact_point != ContactPoint::Configured {
             self.parameters.environment.contact = old.parameters.environment.contact;

@@ -31,6 +31,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         for axis in 0..D {
             self.reached[axis] &= self.contact.sign(axis).is_some();
         }
+        if !self.contact.is_any() {
+            self.deepest = [0.0; D];
+        }
     }
 
     /// Whether the minimum force holds: contact that is lost now is lost against the law.

@@ -112,6 +112,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             InputSelection::Active => active,
             InputSelection::All => self.parameters.thresholds.admittance,
         };
+        let model = self.model(sample, pose);
         let leaves = self.parameters.environment.outward_speed(&sample.twist_reference) > stopping::STANDSTILL;
         let mut bounds = ForceBounds::none();
         let mut holds = false;
@@ -125,9 +126,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             let Some(sign) = sign else { continue };
             let minimum = match mpc.lower_bound {
                 LowerBound::Always => mpc.minimum_force[axis],
-                LowerBound::OnceReached if self.reached[axis] && !leaves => {
-                    holds = true;
-                    mpc.minimum_force[axis]
+                LowerBound::OnceReached if !leaves => {
+                    // f̂ lags behind; what the spring has been pressed to is kept on the way to f_min already.
+                    let force = sign * model.linear_wrench_on(axis, &sample.joint_position);
+                    self.deepest[axis] = self.deepest[axis].max(force);
+                    holds |= self.deepest[axis] > 0.0;
+                    mpc.minimum_force[axis].min(self.deepest[axis])
                 }
                 LowerBound::OnceReached => f64::NEG_INFINITY,
             };
@@ -146,7 +150,6 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let mut references = [SVector::zeros(); MAX_STEPS];
         let known_reference = &mut references[..known_twist.len()];
         write_references(pose, known_twist, known_reference);
-        let model = self.model(sample, pose);
         let start = self.at_action(&model, sample, pose, &bounds);
         if let Some(verdict) = start.verdict {
             return Optimized::Infeasible { verdict, iterations: 0 };

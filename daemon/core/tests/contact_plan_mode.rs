@@ -15,7 +15,7 @@ fn thresholds() -> Thresholds<3> {
 
 #[test]
 fn an_axis_joins_above_activation_and_leaves_below_release() {
-    let contact = |from: Contact<3>, wrench: [f64; 3]| from.update(&thresholds(), &wrench.into());
+    let contact = |from: Contact<3>, wrench: [f64; 3]| from.update(&thresholds(), None, &wrench.into());
     let at_threshold = contact(Contact::none(), [5.0, 0.0, -8.0]);
     assert!(!at_threshold.is_any(), "the threshold itself is no contact");
     let touched = contact(Contact::none(), [5.1, 0.0, -8.1]);
@@ -31,7 +31,7 @@ fn an_axis_joins_above_activation_and_leaves_below_release() {
 fn the_sign_of_an_active_axis_never_flips() {
     let mut contact = Contact::none();
     for wrench in [6.0, 20.0, -20.0, -20.0, 4.0, 6.0] {
-        let next = contact.update(&thresholds(), &Vector3::new(wrench, 0.0, 0.0));
+        let next = contact.update(&thresholds(), None, &Vector3::new(wrench, 0.0, 0.0));
         if let (Some(before), Some(after)) = (contact.sign(0), next.sign(0)) {
             assert_eq!(before, after, "at {wrench} N");
         }
@@ -45,10 +45,10 @@ fn the_sign_of_an_active_axis_never_flips() {
 fn the_mask_has_one_bit_per_active_admittance_axis() {
     for (wrench, mask) in [([9.0, 9.0, 9.0], 0b101), ([9.0, 9.0, 0.0], 0b001), ([0.0, 9.0, -9.0], 0b100), ([0.0; 3], 0)]
     {
-        assert_eq!(Contact::none().update(&thresholds(), &wrench.into()).mask(), mask, "{wrench:?}");
+        assert_eq!(Contact::none().update(&thresholds(), None, &wrench.into()).mask(), mask, "{wrench:?}");
     }
     // NaN never activates.
-    assert!(!Contact::none().update(&thresholds(), &Vector3::repeat(f64::NAN)).is_any());
+    assert!(!Contact::none().update(&thresholds(), None, &Vector3::repeat(f64::NAN)).is_any());
 }
 
 fn x(value: f64) -> Vector2<f64> {

@@ -18,14 +18,16 @@
 //! # Work
 //! Set-up: n³/6 multiplications for U and n²/2 for y0; taking up a guess of w rows: w (n²/2 + 4 w n) at most. Then
 //! iterations, each an addition or a removal, those of a wrong guess included; before each the limit is looked at and
-//! `expired` asked. One takes n²/2 multiplications for a new row, 4 w n to project it, 4 w n to remove one and 2 w n to take
-//! the nearest point afresh; a pass over all rows, with n²/2 and what A z takes, comes at most twice an iteration.
+//! `expired` asked. One takes n²/2 multiplications for a new row, 4 w n to project it (once, whatever blocks it), 4 w n to
+//! remove one and 2 w n to take the nearest point afresh; a pass over all rows, with n²/2 and what A z takes, comes at most
+//! twice an iteration.
 
 use wide::f64x4;
 
 use super::factor::Factor;
 use super::lanes::{
-    ALIGNMENT, LANES, add_scaled, before_cache_line, dot, groups, groups_mut, norm_squared, padded, tiles_mut,
+    ALIGNMENT, LANES, add_scaled, before_cache_line, dot, groups, groups_mut, largest_magnitude, norm_squared, padded,
+    tiles_mut,
 };
 use super::working_set::{Member, NO_MEMBERS, WorkingSet};
 use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState, members_of};
@@ -130,7 +132,7 @@ impl<B: AsMut<[f64]>> QpSolver for ActiveSet<B> {
         let mut run = Run {
             qp,
             factor: Factor::within(factor, stride),
-            working: WorkingSet { members: &mut self.members, len: 0, q: tiles_mut(q), r, stride },
+            working: WorkingSet { members: &mut self.members, len: 0, q: tiles_mut(q), r: tiles_mut(r), stride },
             y0,
             y,
             c,
@@ -246,7 +248,7 @@ impl Run<'_, '_> {
             for index in (0..self.working.len).rev() {
                 if self.working.members[index].push() <= CLOSE_TO_WORST_PULL * worst {
                     self.count_iteration(expired)?;
-                    self.working.remove(index);
+                    self.working.remove(index, self.d);
                 }
             }
         }
@@ -319,8 +321,7 @@ impl Run<'_, '_> {
     /// Takes the largest violation of at least `least` (above zero) from the list, the first of equals.
     fn next_violated(&mut self, least: f64) -> Option<(usize, RowState)> {
         let values = groups(self.values);
-        let worst = values.iter().fold(f64x4::ZERO, |worst, group| f64x4::new(*group).abs().fast_max(worst));
-        let worst = worst.to_array().into_iter().fold(0.0, f64::max);
+        let worst = largest_magnitude(self.values);
         if worst < least {
             return None;
         }
@@ -348,32 +349,33 @@ impl Run<'_, '_> {
         }
         let bound = self.bound(row, side);
         let weight = self.qp.weight[row];
-        let mut small_enough = least / weight;
         let mut member = Member::new(row, side, bound);
         let mut has_let_go = false;
+        let start = self.normal(row, side);
+        let mut violation = bound - dot(&self.c[start..], &self.y[start..]);
+        if violation < least / weight {
+            // Another row has met it as well.
+            return Ok(false);
+        }
+        self.count_iteration(expired)?;
+        let mut projection = self.working.project(self.c, self.d, start);
         loop {
-            let start = self.normal(row, side);
-            let violation = bound - dot(&self.c[start..], &self.y[start..]);
-            if violation < small_enough {
-                // Another row has met it as well.
-                return Ok(false);
-            }
-            // Once it has pushed it belongs to W, even where letting others go has met it: without it W would not hold y.
-            small_enough = f64::NEG_INFINITY;
             if !violation.is_finite() {
                 return Err(Ended::Failed);
             }
-            self.count_iteration(expired)?;
-            let projection = self.working.project(self.c, self.d, start);
             let len = self.working.len;
             let independent = (!projection.dependent && len < self.qp.variables).then_some(projection);
             let full = independent.map_or(f64::INFINITY, |projection| (violation / projection.rest).max(0.0));
             // λ of the members falls by step · R⁻¹ d.
-            let fall = &mut self.fall[..len];
-            fall.copy_from_slice(&self.d[..len]);
+            let fall = &mut self.fall[..padded(len)];
+            fall.copy_from_slice(&self.d[..padded(len)]);
             self.working.solve(fall);
             let pairs = || self.working.members[..len].iter().zip(fall.iter());
-            let largest = pairs().fold(0.0_f64, |largest, (member, fall)| largest.max(fall.abs() * member.length));
+            let mut largest = 0.0_f64;
+            for (member, fall) in pairs() {
+                let push = fall.abs() * member.length;
+                largest = if push > largest { push } else { largest };
+            }
             let mut blocking = (full, None);
             for (index, (member, fall)) in pairs().enumerate() {
                 if fall * member.length > ZERO_MULTIPLIER * largest && member.multiplier < blocking.0 * fall {
@@ -403,10 +405,13 @@ impl Run<'_, '_> {
             member.multiplier += step;
             if independent.is_some() {
                 add_scaled(self.y, step, self.c);
+                violation -= step * projection.rest;
             }
             match (blocked_by, independent) {
+                // Once it has pushed it belongs to W, even where letting others go meets it: without it W would not hold y.
                 (Some(index), _) => {
-                    self.working.remove(index);
+                    projection = self.working.release(index, &projection, self.c, self.d);
+                    self.count_iteration(expired)?;
                     has_let_go = true;
                 }
                 (None, Some(projection)) => {

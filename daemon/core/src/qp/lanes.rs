@@ -82,6 +82,24 @@ pub(super) fn add_scaled(x: &mut [f64], factor: f64, a: &[f64]) {
     }
 }
 
+/// max |x|, of numbers that are none of them NaN.
+#[inline(always)]
+pub(super) fn largest_magnitude(x: &[f64]) -> f64 {
+    // Side by side as in [`dot`].
+    let mut largest = [f64x4::ZERO; 4];
+    let (x4, x_rest) = groups(x).as_chunks::<4>();
+    for x in x4 {
+        for i in 0..4 {
+            largest[i] = f64x4::new(x[i]).abs().fast_max(largest[i]);
+        }
+    }
+    for x in x_rest {
+        largest[0] = f64x4::new(*x).abs().fast_max(largest[0]);
+    }
+    let [a, b, c, d] = largest[0].fast_max(largest[1]).fast_max(largest[2].fast_max(largest[3])).to_array();
+    a.max(b).max(c.max(d))
+}
+
 /// Four rows times x.
 #[inline(always)]
 pub(super) fn products(rows: &[Tile], x: &[[f64; LANES]]) -> [f64; LANES] {

@@ -63,13 +63,25 @@ pub(super) struct Projection {
     start: usize,
 }
 
+impl Projection {
+    fn new(whole: f64, rest: f64, start: usize) -> Self {
+        Self { whole, rest, dependent: rest <= whole * (DEPENDENT * DEPENDENT) || rest.is_nan(), start }
+    }
+}
+
+/// (cos a + sin b, cos b − sin a).
+#[inline(always)]
+fn turned((a, b): (f64, f64), cos: f64, sin: f64) -> (f64, f64) {
+    (cos * a + sin * b, cos * b - sin * a)
+}
+
 pub(super) struct WorkingSet<'a> {
     pub members: &'a mut [Member; MAX_VARIABLES],
     pub len: usize,
     /// Columns of Q, four a block; zero behind the last one in its block.
     pub q: &'a mut [Tile],
-    /// Columns of R, stride apart.
-    pub r: &'a mut [f64],
+    /// Columns of R in the same way; below the diagonal anything.
+    pub r: &'a mut [Tile],
     pub stride: usize,
 }
 
@@ -84,6 +96,11 @@ impl WorkingSet<'_> {
     fn block_of(&self, column: usize) -> Range<usize> {
         let (block, groups) = (column / LANES, self.stride / LANES);
         block * groups..(block + 1) * groups
+    }
+
+    /// An element of R.
+    fn element(&mut self, row: usize, column: usize) -> &mut f64 {
+        &mut self.r[column / LANES * (self.stride / LANES) + row / LANES][column % LANES][row % LANES]
     }
 
     /// Every block of Q from column `start` of it on.
@@ -117,8 +134,7 @@ impl WorkingSet<'_> {
             }
             last = rest;
         }
-        let dependent = rest <= whole * (DEPENDENT * DEPENDENT) || rest.is_nan();
-        Projection { whole, rest, dependent, start }
+        Projection::new(whole, rest, start)
     }
 
     /// Appends a member whose normal has been projected: `c` is what is left of it, `d` its part within W.
@@ -132,40 +148,81 @@ impl WorkingSet<'_> {
             }
             tile[column % LANES] = c.map(|c| c * inverse_pivot);
         }
-        let at = column * self.stride;
-        self.r[at..at + column].copy_from_slice(&d[..column]);
-        self.r[at + column] = length;
+        let block = self.block_of(column);
+        for (tile, d) in self.r[block].iter_mut().zip(groups(d)).take(column / LANES + 1) {
+            if column % LANES == 0 {
+                *tile = [[0.0; LANES]; LANES];
+            }
+            tile[column % LANES] = *d;
+        }
+        *self.element(column, column) = length;
         let whole = libm::sqrt(projection.whole);
         self.members[column] = Member { length: whole, inverse_pivot, start: projection.start, ..member };
         self.len += 1;
     }
 
     /// Takes member `index` out; 4 (len − index) stride multiplications for the rotations that make R triangular again.
-    pub(super) fn remove(&mut self, index: usize) {
-        let stride = self.stride;
+    /// `d` is rotated with Q; [`Self::release`] needs it.
+    pub(super) fn remove(&mut self, index: usize, d: &mut [f64]) {
+        self.rotate_out(index, d);
+        self.drop_last();
+    }
+
+    /// Takes member `index` out from under a projected c, which gets back the part that only that member took away.
+    pub(super) fn release(
+        &mut self,
+        index: usize,
+        projection: &Projection,
+        c: &mut [f64],
+        d: &mut [f64],
+    ) -> Projection {
+        self.rotate_out(index, d);
+        let (last, start) = (self.len - 1, projection.start);
+        let part = f64x4::splat(d[last]);
+        let block = &self.q[self.block_of(last)];
+        for (c, tile) in groups_mut(c).iter_mut().zip(block).skip(start / LANES) {
+            *c = f64x4::new(tile[last % LANES]).mul_add(part, f64x4::new(*c)).to_array();
+        }
+        d[last] = 0.0;
+        self.drop_last();
+        Projection::new(projection.whole, norm_squared(&c[start / LANES * LANES..]), start)
+    }
+
+    /// Makes member `index` the last one, and the last column of Q what only it adds to the span.
+    fn rotate_out(&mut self, index: usize, d: &mut [f64]) {
         let last = self.len - 1;
         // From the right: a column leaves R, those behind it move up and have one number below the diagonal.
         for column in index..last {
-            let (left, right) = self.r.split_at_mut((column + 1) * stride);
-            left[column * stride..column * stride + column + 2].copy_from_slice(&right[..column + 2]);
+            let (here, there) = (self.block_of(column), self.block_of(column + 1));
+            for (here, there) in here.zip(there).take((column + 1) / LANES + 1) {
+                self.r[here][column % LANES] = self.r[there][(column + 1) % LANES];
+            }
         }
         for i in index..last {
-            let (a, b) = (self.r[i * stride + i], self.r[i * stride + i + 1]);
+            let (a, b) = (*self.element(i, i), *self.element(i + 1, i));
             let inverse_pivot = 1.0 / libm::sqrt(a * a + b * b);
             let (cos, sin) = (a * inverse_pivot, b * inverse_pivot);
-            for column in i..last {
-                let pair = &mut self.r[column * stride + i..column * stride + i + 2];
-                let (top, bottom) = (pair[0], pair[1]);
-                pair[0] = cos * top + sin * bottom;
-                pair[1] = cos * bottom - sin * top;
+            // Whole blocks: what stands below the diagonal may be rotated as well.
+            let ((top, a), (bottom, b)) = ((i / LANES, i % LANES), ((i + 1) / LANES, (i + 1) % LANES));
+            for tiles in self.r.chunks_exact_mut(self.stride / LANES).take(last / LANES + 1).skip(i / LANES) {
+                for column in 0..LANES {
+                    let pair = (tiles[top][column][a], tiles[bottom][column][b]);
+                    (tiles[top][column][a], tiles[bottom][column][b]) = turned(pair, cos, sin);
+                }
             }
+            (d[i], d[i + 1]) = turned((d[i], d[i + 1]), cos, sin);
             let start = self.members[i].start.min(self.members[i + 1].start);
             self.rotate(i, start, cos, sin);
             self.members[i] = Member { start, inverse_pivot, ..self.members[i + 1] };
             self.members[i + 1].start = start;
         }
+    }
+
+    fn drop_last(&mut self) {
+        let last = self.len - 1;
         let block = self.block_of(last);
-        self.q[block].iter_mut().for_each(|tile| tile[last % LANES] = [0.0; LANES]);
+        self.q[block.clone()].iter_mut().for_each(|tile| tile[last % LANES] = [0.0; LANES]);
+        self.r[block].iter_mut().take(last / LANES + 1).for_each(|tile| tile[last % LANES] = [0.0; LANES]);
         self.len = last;
     }
 
@@ -180,25 +237,39 @@ impl WorkingSet<'_> {
         }
     }
 
-    /// d ← R⁻¹ d.
+    /// 1 over the diagonal elements of R in a block; 0 behind the last one.
+    fn inverse_pivots(&self, block: usize) -> [f64; LANES] {
+        let members = &self.members[..self.len];
+        core::array::from_fn(|i| members.get(block * LANES + i).map_or(0.0, |member| member.inverse_pivot))
+    }
+
+    /// d ← R⁻¹ d; zero behind it in its last group.
     pub(super) fn solve(&self, d: &mut [f64]) {
-        for index in (0..self.len).rev() {
-            d[index] *= self.members[index].inverse_pivot;
-            let factor = d[index];
-            for (d, r) in d[..index].iter_mut().zip(&self.r[index * self.stride..]) {
-                *d -= factor * r;
+        for block in (0..self.len.div_ceil(LANES)).rev() {
+            let (tiles, pivots) = (&self.r[self.block_of(block * LANES)], self.inverse_pivots(block));
+            let (above, here) = groups_mut(d).split_at_mut(block);
+            let mut found = here[0];
+            for i in (0..LANES).rev() {
+                found[i] *= pivots[i];
+                (0..i).for_each(|k| found[k] -= found[i] * tiles[block][i][k]);
             }
+            here[0] = found;
+            subtract_rows(above, &found, tiles);
         }
     }
 
-    /// d ← R⁻ᵀ d.
+    /// d ← R⁻ᵀ d; zero behind it in its last group.
     fn solve_transposed(&self, d: &mut [f64]) {
-        for index in 0..self.len {
-            let mut known = 0.0;
-            for (d, r) in d[..index].iter().zip(&self.r[index * self.stride..]) {
-                known += d * r;
+        for block in 0..self.len.div_ceil(LANES) {
+            let (tiles, pivots) = (&self.r[self.block_of(block * LANES)], self.inverse_pivots(block));
+            let (above, here) = groups_mut(d).split_at_mut(block);
+            let known = products(&tiles[..block], above);
+            let mut found: [f64; LANES] = core::array::from_fn(|i| here[0][i] - known[i]);
+            for i in 0..LANES {
+                (0..i).for_each(|k| found[i] -= found[k] * tiles[block][i][k]);
+                found[i] *= pivots[i];
             }
-            d[index] = (d[index] - known) * self.members[index].inverse_pivot;
+            here[0] = found;
         }
     }
 
