@@ -16,8 +16,12 @@ const WINDOW: usize = 64;
 const LAGS: f64 = 3.0;
 /// Parts of a cycle over which the force counts as constant; the largest error is that part which holds the first touch.
 const PARTS: usize = 16;
-/// Gauss-Newton steps: the least squares are linear but for the first touch.
-const STEPS: usize = 6;
+/// Most Gauss-Newton steps: the least squares are linear but for the first touch.
+const STEPS: usize = 16;
+/// Step in m that is none.
+const SETTLED: f64 = 1e-8;
+/// Part of the force at the end below which a sample counts as before the touch, to start from.
+const FAINT: f64 = 0.05;
 
 /// What one sample says along the inward normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -118,9 +122,10 @@ impl Detection {
 
 /// The depth d₀ of the surface that explains the estimates of `window` best, and √Σ (∂f̂/∂d₀)² in N/m.
 fn surface_depth(window: &[Felt], lag: f64, stiffness: f64) -> (f64, f64) {
-    // The force felt last, without lag, is a start; it may be far off, on the deep side.
-    let last = window[window.len() - 1];
-    let mut surface = last.depth - last.pressing.max(0.0) / stiffness;
+    // From the last sample that felt next to nothing: from there on everything touches.
+    let faint = FAINT * window[window.len() - 1].pressing;
+    let before = window[..window.len() - 1].iter().rposition(|felt| felt.pressing < faint).unwrap_or(0);
+    let mut surface = window[before].depth;
     let mut squares = 0.0;
     for _ in 0..STEPS {
         let (mut estimate, mut sensitivity) = (window[0].pressing, 0.0);
@@ -146,7 +151,11 @@ fn surface_depth(window: &[Felt], lag: f64, stiffness: f64) -> (f64, f64) {
         if squares <= 0.0 {
             break;
         }
-        surface -= products / squares;
+        let step = products / squares;
+        surface -= step;
+        if step.abs() < SETTLED {
+            break;
+        }
     }
     (surface, libm::sqrt(squares))
 }

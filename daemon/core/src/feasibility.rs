@@ -58,7 +58,7 @@ pub fn margin_of<const N: usize, const D: usize, const M: usize>(
     let Some((margin, (axis, time))) = best.and_then(|(margin, row)| Some((margin, rows.force_row(row)?))) else {
         return Verdict::None;
     };
-    Verdict::Feasible { margin: margin - rows.slack(z), axis, time }
+    Verdict::Feasible { margin: margin - rows.off_maximum(z), axis, time }
 }
 
 /// The verdict on a problem that the solver calls infeasible, if its certificate `y` proves it for every input within

@@ -127,11 +127,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             let minimum = match mpc.lower_bound {
                 LowerBound::Always => mpc.minimum_force[axis],
                 LowerBound::OnceReached if !leaves => {
-                    // f̂ lags behind; what the spring has been pressed to is kept on the way to f_min already.
+                    // f̂ lags behind; what the spring has been pressed to is kept on the way to f_min already. What has been lost
+                    // comes back as the cost has it: held by force it would come back with all speed, and bounce.
                     let force = sign * model.linear_wrench_on(axis, &sample.joint_position);
-                    self.deepest[axis] = self.deepest[axis].max(force);
-                    holds |= self.deepest[axis] > 0.0;
-                    mpc.minimum_force[axis].min(self.deepest[axis])
+                    self.deepest[axis] = if force > 0.0 { self.deepest[axis].max(force) } else { 0.0 };
+                    let is_held = self.deepest[axis] > 0.0;
+                    holds |= is_held;
+                    if is_held { mpc.minimum_force[axis].min(self.deepest[axis]) } else { f64::NEG_INFINITY }
                 }
                 LowerBound::OnceReached => f64::NEG_INFINITY,
             };
@@ -154,10 +156,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         if let Some(verdict) = start.verdict {
             return Optimized::Infeasible { verdict, iterations: 0 };
         }
-        // A spring that pulls would hold back a TCP that is to leave: then the force costs nothing.
-        let is_free_to_leave = leaves && mpc.lower_bound == LowerBound::OnceReached;
-        let wrench_axes = if is_free_to_leave { InputAxes::none() } else { InputAxes::from_mask(&active) };
-        let softly = holds && mpc.lower_bound == LowerBound::OnceReached;
+        // A spring that pulls would hold back a TCP that is to leave, and an estimate that fades one that is to come back: where
+        // nothing presses that should, the force costs nothing.
+        let is_soft = mpc.lower_bound == LowerBound::OnceReached;
+        let wrench_axes = if is_soft && !holds { InputAxes::none() } else { InputAxes::from_mask(&active) };
         let prediction = Prediction {
             initial: start.state,
             known_reference,
@@ -173,7 +175,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             weights: &mpc.weights,
             jacobian: pose.kinematics.task_jacobian(),
             input_weight: mpc.input_weight,
-            slack: softly.then_some((Softened::Minimum, stopping::SLACK_PRICE)),
+            slack: (is_soft && holds).then_some((Softened::Minimum, stopping::SLACK_PRICE)),
         };
         let optimized = self.run(&model, sample, &prediction, known_twist, expired);
         optimized.shifted(start.delay, self.uncertainty())

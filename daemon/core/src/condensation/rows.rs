@@ -162,8 +162,13 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
     }
 
     /// The slack t in N; 0 of a problem without one.
-    pub fn slack(&self, z: &[f64]) -> f64 {
+    fn slack(&self, z: &[f64]) -> f64 {
         if self.prediction.slack.is_some() { SLACK_UNIT * z[self.variables() - 1] } else { 0.0 }
+    }
+
+    /// What the slack takes off the forces that have an upper bound, N.
+    pub fn off_maximum(&self, z: &[f64]) -> f64 {
+        if self.prediction.softened() == Some(Softened::Maximum) { self.slack(z) } else { 0.0 }
     }
 
     /// s K_e J of a bounded axis.
@@ -302,7 +307,7 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let mut minimum = minimum.chunks_exact_mut(self.bounded.max(1));
         let mut points = self.horizon.force_points().iter().peekable();
         let (slack, delay) = (self.slack(z), self.horizon.first_reached());
-        let off_maximum = if self.prediction.softened() == Some(Softened::Maximum) { slack } else { 0.0 };
+        let off_maximum = self.off_maximum(z);
         let (steps, mut joints, mut before) = (self.horizon.steps(), Joints::<N>::ZERO, [0.0; M]);
         let inputs = z[..M * steps.len()].as_chunks::<M>().0;
         for ((k, step), u) in steps.iter().enumerate().zip(inputs.iter().rev()) {
