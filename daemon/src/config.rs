@@ -196,7 +196,7 @@ config_enum! {
 config_enum! {
     /// Where the force is bounded.
     pub enum ForcePointsName {
-        /// Within steps as well, at most 1/20 of the fastest joint's time constant apart where the force may still peak.
+        /// Within steps as well, where the force may peak between their ends.
         Dense = "dense",
         /// At the end of every step that an input reaches.
         StepEnds = "step_ends",

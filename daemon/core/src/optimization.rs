@@ -8,13 +8,15 @@ use crate::constraints::{AxisBound, Constraints, ForceBounds, Interval, Softened
 use crate::controller::{Controller, Pose};
 use crate::cost::SetPoint;
 use crate::feasibility::{Side, Verdict, checked_infeasible, margin_of};
-use crate::horizon::POINTS_IN_LAG;
 use crate::model::{Model, State};
 use crate::parameters::{ContactPoint, ContactSign, InputSelection, LowerBound};
 use crate::plan::{MAX_STEPS, nanoseconds};
 use crate::qp::{QpOutcome, QpSolver, kkt_residual};
 use crate::sample::Sample;
 use crate::stopping;
+
+/// Instants at which the force is looked at while an earlier command acts.
+const PIECES: u32 = 8;
 
 /// What became of an optimisation.
 pub(crate) enum Optimized {
@@ -298,18 +300,16 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             return start;
         }
         let mut worst = 0.0;
-        let apart = self.parameters.velocity_time_constant.min() / POINTS_IN_LAG;
         let end = sample.stamp.saturating_add(nanoseconds(delay));
         for stretch in self.under_way.between(sample.stamp, end) {
             let twist = stretch.offset.map(|offset| sample.twist_reference + offset);
             let reference = twist.map_or_else(SVector::zeros, |twist| pose.inverse.joint_velocity(&twist));
-            let pieces = libm::ceil(stretch.duration / apart).max(1.0);
             let step = self.parameters.mpc.discretization.step(
-                stretch.duration / pieces,
+                stretch.duration / f64::from(PIECES),
                 &self.parameters.velocity_time_constant,
                 &self.parameters.wrench_time_constant,
             );
-            for _ in 0..pieces as usize {
+            for _ in 0..PIECES {
                 start.state = model.advance(&step, &start.state, &reference);
                 start.delay += step.duration;
                 for bound in bounds.as_slice() {

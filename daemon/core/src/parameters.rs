@@ -7,7 +7,7 @@ use crate::constraints::Interval;
 use crate::contact::{SurfaceSigns, Thresholds};
 use crate::cost::Weights;
 use crate::environment::Environment;
-use crate::horizon::{Horizon, dense};
+use crate::horizon::{Horizon, Parts};
 use crate::model::Discretization;
 use crate::plan::MAX_STEPS;
 use crate::robot::Chain;
@@ -56,7 +56,7 @@ pub enum LowerBound {
 pub enum ForcePoints {
     /// At the end of every step that an input reaches.
     StepEnds,
-    /// Within steps as well: see [`horizon::dense`](crate::horizon::dense).
+    /// Within steps as well: see [`Parts::dense`].
     Dense,
 }
 
@@ -278,11 +278,11 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
     pub fn horizon(&self) -> Horizon<N, D> {
         let lags = &self.velocity_time_constant;
         let steps = self.mpc.steps();
-        let parts = |step| match self.mpc.force_points {
-            ForcePoints::StepEnds => &[][..],
-            ForcePoints::Dense => dense(steps, step, lags.min(), lags.max()),
+        let parts = match self.mpc.force_points {
+            ForcePoints::StepEnds => Parts::none(),
+            ForcePoints::Dense => Parts::dense(steps, lags.max()),
         };
-        Horizon::new(self.mpc.discretization, steps, parts, lags, &self.wrench_time_constant)
+        Horizon::new(self.mpc.discretization, steps, |step| parts.of(step), lags, &self.wrench_time_constant)
     }
 
     /// The signs of a contact that the surface gives.
