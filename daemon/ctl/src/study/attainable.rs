@@ -75,10 +75,18 @@ impl Contact {
     /// # Errors
     /// Clarabel's status when it does not solve the problem.
     pub(crate) fn lowest_peak(&self) -> Result<Attainable, String> {
-        self.solve(PASSES)
+        self.solve(PASSES, false)
     }
 
-    fn solve(&self, passes: usize) -> Result<Attainable, String> {
+    /// The same among inputs that never lose contact.
+    ///
+    /// # Errors
+    /// Clarabel's status; `PrimalInfeasible` when no input keeps contact.
+    pub(crate) fn lowest_peak_in_contact(&self) -> Result<Attainable, String> {
+        self.solve(PASSES, true)
+    }
+
+    fn solve(&self, passes: usize, keeps_contact: bool) -> Result<Attainable, String> {
         let pending: Vec<Input> = self
             .pending_rad_s
             .iter()
@@ -92,7 +100,7 @@ impl Contact {
         let mut best: Option<Attainable> = None;
         let mut optimum_before = f64::INFINITY;
         for _ in 0..passes {
-            let solution = ocp::minimise(self, &start, peak_before_n, &around)?;
+            let solution = ocp::minimise(self, &start, peak_before_n, &around, keeps_contact)?;
             let inputs: Vec<Input> = solution
                 .references
                 .iter()
@@ -260,7 +268,7 @@ mod tests {
     fn linear_case_is_the_closed_form() {
         for bounds in [[(-3.0, 3.0); 2], [(-0.8, 3.0), (-3.0, 0.5)], [(-6.0, 0.2), (-0.3, 6.0)]] {
             let contact = contact(bounds);
-            let (expected, answer) = (closed_form_n(&contact), contact.solve(1).unwrap());
+            let (expected, answer) = (closed_form_n(&contact), contact.solve(1, false).unwrap());
             println!("{bounds:?}: {} N, closed form {expected} N", answer.optimum_n);
             assert!((answer.optimum_n / expected - 1.0).abs() < 1e-6, "{} {expected}", answer.optimum_n);
         }

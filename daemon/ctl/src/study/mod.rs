@@ -168,7 +168,12 @@ fn one_case(seed: u64, index: u64) -> Result<Case, String> {
     let answer = first.map(|first| case::contact(&draw, &first).lowest_peak());
     let optimum_n = answer.as_ref().and_then(|answer| answer.as_ref().ok()).map_or(f64::NAN, |answer| answer.optimum_n);
     let attainable_peak_n = answer.map(|answer| answer.map(|answer| answer.peak_n));
-    Ok(Case { draw, attainable_peak_n, optimum_n, runs })
+    // Only where a contact was lost is it worth the time to ask whether it had to be.
+    let has_lost = runs.iter().flatten().any(|seen| seen.is_feasible() && seen.contact_losses > 0);
+    let in_contact = |first| case::contact(&draw, &first).lowest_peak_in_contact();
+    let peak_in_contact_n =
+        first.filter(|_| has_lost).map(|first| in_contact(first).map_or(f64::INFINITY, |a| a.optimum_n));
+    Ok(Case { draw, attainable_peak_n, optimum_n, peak_in_contact_n, runs })
 }
 
 #[cfg(test)]

@@ -60,7 +60,8 @@ struct Scale {
     force: f64,
 }
 
-/// min s subject to k·penetration ≤ s at all instants of the grid, `peak_before_n` ≤ s, and the bounds of the references.
+/// min s subject to k·penetration ≤ s at all instants of the grid, `peak_before_n` ≤ s, and the bounds of the references; with
+/// `keeps_contact` also penetration ≥ 0.
 ///
 /// # Errors
 /// Clarabel's status when it does not solve the problem.
@@ -69,6 +70,7 @@ pub(super) fn minimise(
     start: &JointState,
     peak_before_n: f64,
     stages: &[Stage],
+    keeps_contact: bool,
 ) -> Result<Solution, String> {
     let scale = scale(contact, start, peak_before_n);
     let peak = STAGE * stages.len();
@@ -82,7 +84,11 @@ pub(super) fn minimise(
             rows.push(&[(reference, 1.0)], most / scale.speed);
             rows.push(&[(reference, -1.0)], -least / scale.speed);
         }
+        let peak = Some(peak);
         force_rows(contact, start, stage, m, peak, scale, &mut rows);
+        if keeps_contact {
+            force_rows(contact, start, stage, m, None, scale, &mut rows);
+        }
     }
     let inequalities = rows.bounds.len() - equalities;
     let mut gradient = vec![0.0; peak + 1];
@@ -133,18 +139,18 @@ fn dynamics(contact: &Contact, start: &JointState, stages: &[Stage], scale: Scal
     }
 }
 
-/// k·penetration ≤ s at the instants of one input, its end included.
+/// k·penetration ≤ s at the instants of one input, its end included; without a variable for s, penetration ≥ 0 there.
 fn force_rows(
     contact: &Contact,
     start: &JointState,
     stage: &Stage,
     m: usize,
-    peak: usize,
+    peak: Option<usize>,
     scale: Scale,
     rows: &mut Rows,
 ) {
     let instants = (stage.duration_s / GRID_S - 1e-9).ceil().max(1.0) as u32;
-    let unit = contact.stiffness_n_m / scale.force;
+    let unit = contact.stiffness_n_m / scale.force * if peak.is_some() { 1.0 } else { -1.0 };
     for instant in 1..=instants {
         let time = stage.duration_s * f64::from(instant) / f64::from(instants);
         let around = match &stage.state {
@@ -154,7 +160,7 @@ fn force_rows(
         // penetration(q) ≈ penetration(q̄) − g·(q − q̄), with q counted from the start.
         let lever = contact.arm.lever_m(around, contact.normal);
         let moved = std::array::from_fn(|joint| around[joint] - start.position[joint]);
-        let mut entries = [(peak, -1.0); 7];
+        let mut entries = [(peak.unwrap_or(STAGE * m), if peak.is_some() { -1.0 } else { 0.0 }); 7];
         for joint in 0..2 {
             let time_constant = contact.velocity_time_constant_s[joint];
             let (by_velocity, _) = lag(time_constant, 1.0, 0.0, time);

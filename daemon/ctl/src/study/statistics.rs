@@ -26,6 +26,8 @@ pub(crate) struct Case {
     pub(crate) attainable_peak_n: Option<Result<f64, String>>,
     /// Optimum of the last linearisation in N.
     pub(crate) optimum_n: f64,
+    /// The lowest peak in N, by the linear problem, of inputs that never lose contact; asked only where contact was lost.
+    pub(crate) peak_in_contact_n: Option<f64>,
     /// In the order of [`Variant::ALL`].
     pub(crate) runs: [Result<Seen, String>; Variant::ALL.len()],
 }
@@ -118,6 +120,8 @@ pub(crate) struct Column {
     pub(crate) contact_losses: u32,
     /// Feasible runs that lost contact.
     pub(crate) runs_with_contact_losses: u32,
+    /// Of those runs: no input keeps both the contact and the limit.
+    pub(crate) unavoidable_losses: u32,
     /// Feasible runs whose limit was exceeded in cycles that had no verdict.
     pub(crate) over_limit_without_verdict: u32,
     /// Runs that were stopped, whatever the reason.
@@ -233,6 +237,7 @@ fn column(cases: &[Case], variant: usize) -> Column {
         withdrawn: 0,
         contact_losses: 0,
         runs_with_contact_losses: 0,
+        unavoidable_losses: 0,
         over_limit_without_verdict: 0,
         stops: 0,
         other_stops: 0,
@@ -276,6 +281,8 @@ fn column(cases: &[Case], variant: usize) -> Column {
             column.contact_losses += seen.contact_losses;
             if seen.contact_losses > 0 {
                 column.runs_with_contact_losses += 1;
+                let is_unavoidable = case.peak_in_contact_n.is_some_and(|peak| peak > limit);
+                column.unavoidable_losses += u32::from(is_unavoidable);
                 example(&mut column.examples.lost, case);
             }
         } else {
@@ -331,7 +338,7 @@ mod tests {
         change(&mut seen, limit);
         let peak = attainable_share * limit;
         let runs = [0; Variant::ALL.len()].map(|_| Ok(seen.clone()));
-        Case { draw, attainable_peak_n: Some(Ok(peak)), optimum_n: peak, runs }
+        Case { draw, attainable_peak_n: Some(Ok(peak)), optimum_n: peak, peak_in_contact_n: None, runs }
     }
 
     #[test]

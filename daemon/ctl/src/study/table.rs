@@ -21,7 +21,9 @@ pub(crate) fn table(figures: &Figures) -> String {
             None => "-".to_owned(),
         }),
         ("withdrawn", |c| c.withdrawn.to_string()),
-        ("contact losses (runs)", |c| format!("{} ({})", c.contact_losses, c.runs_with_contact_losses)),
+        ("contact losses (runs; unavoidable)", |c| {
+            format!("{} ({}; {})", c.contact_losses, c.runs_with_contact_losses, c.unavoidable_losses)
+        }),
         ("over limit in cycles without verdict", |c| c.over_limit_without_verdict.to_string()),
         ("stops (without infeasible verdict)", |c| format!("{} ({})", c.stops, c.other_stops)),
         ("stops: peak over attainable, p50, p99, max", |c| distribution(c.stop_peak_ratio.as_ref(), 4)),
