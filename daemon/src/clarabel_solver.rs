@@ -1,5 +1,6 @@
-//! Clarabel behind the core's solver trait: one instance per problem size, set up once with a fixed dense pattern and
-//! updated in place. (One heap allocation per solve, inside Clarabel: the notes in DESIGN except it from the rule.)
+//! Clarabel behind the core's solver trait: one instance per problem size, set up when that size first comes, with a fixed
+//! dense pattern, and updated in place. (It allocates in the cycle, as Clarabel does in every solve: DESIGN excepts it from
+//! the rule.)
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicPtr, Ordering};
@@ -33,6 +34,7 @@ pub struct ClarabelSettings {
 /// The Clarabel interior-point solver for every problem size of one controller.
 pub struct ClarabelSolver {
     instances: Vec<Instance>,
+    settings: ClarabelSettings,
     /// Where the termination callback finds the caller's `expired` during a solve; null otherwise.
     expired: Arc<AtomicPtr<Expired<'static>>>,
 }
@@ -44,22 +46,21 @@ impl std::fmt::Debug for ClarabelSolver {
 }
 
 impl ClarabelSolver {
-    /// Instances for every size in `sizes`: (variables, rows).
-    pub fn new(sizes: impl IntoIterator<Item = (usize, usize)>, settings: ClarabelSettings) -> Self {
-        let expired = Arc::new(AtomicPtr::new(std::ptr::null_mut()));
-        let instances =
-            sizes.into_iter().map(|(variables, rows)| Instance::new(variables, rows, settings, &expired)).collect();
-        Self { instances, expired }
+    /// A solver for problems of any size.
+    pub fn new(settings: ClarabelSettings) -> Self {
+        Self { instances: Vec::new(), settings, expired: Arc::new(AtomicPtr::new(std::ptr::null_mut())) }
     }
 }
 
 impl QpSolver for ClarabelSolver {
     fn solve(&mut self, qp: &Qp<'_>, answer: &mut Answer<'_>, expired: &mut dyn FnMut() -> bool) -> QpOutcome {
         let size = (qp.variables, qp.row_count);
-        let Some(instance) = self.instances.iter_mut().find(|instance| (instance.variables, instance.rows) == size)
-        else {
-            return QpOutcome::Failed { iterations: 0 };
-        };
+        let known = self.instances.iter().position(|instance| (instance.variables, instance.rows) == size);
+        let index = known.unwrap_or_else(|| {
+            self.instances.push(Instance::new(size.0, size.1, self.settings, &self.expired));
+            self.instances.len() - 1
+        });
+        let instance = &mut self.instances[index];
         if !instance.load(qp) {
             return QpOutcome::Failed { iterations: 0 };
         }

@@ -20,8 +20,7 @@ impl Solver {
     /// The solver for every problem that a controller with these parameters can pose.
     pub(crate) fn new<const N: usize, const D: usize>(mpc: &MpcSection, parameters: &Parameters<N, D>) -> Self {
         let axes = parameters.thresholds.admittance.iter().filter(|admittance| **admittance).count();
-        let horizon = parameters.horizon();
-        let (steps, points) = (horizon.steps().len(), horizon.force_points().len());
+        let steps = parameters.mpc.steps().len();
         match mpc.solver {
             SolverName::ActiveSet => {
                 let capacity = SolverCapacity { variables: axes * steps + 1, rows: MAX_ROWS };
@@ -31,11 +30,7 @@ impl Solver {
             }
             SolverName::Clarabel => {
                 let settings = ClarabelSettings { tolerance: mpc.solver_tolerance, max_iterations: mpc.max_iterations };
-                let hard = (1..=axes).flat_map(|inputs| (0..=axes).map(move |bounded| (inputs, bounded)));
-                let sizes = hard.flat_map(|(inputs, bounded)| {
-                    [0, 1].map(|slack| (inputs * steps + slack, bounded * points + slack))
-                });
-                Self::Clarabel(ClarabelSolver::new(sizes, settings))
+                Self::Clarabel(ClarabelSolver::new(settings))
             }
         }
     }

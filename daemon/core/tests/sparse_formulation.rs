@@ -156,7 +156,7 @@ fn condensed_solutions<const M: usize>(problem: &Problem<2, 2>, what: &str) -> (
     pieces.answer.working.fill(RowState::Inactive);
     let (qp, mut answer, scratch) = pieces.split(&rows);
     let settings = ClarabelSettings { tolerance: 1e-10, max_iterations: 100 };
-    let mut clarabel = ClarabelSolver::new([(qp.variables, qp.row_count)], settings);
+    let mut clarabel = ClarabelSolver::new(settings);
     let mut multipliers = Vec::new();
     let mut solve = |solver: &mut dyn QpSolver, tolerance: f64| {
         let outcome = solver.solve(&qp, &mut answer, &mut || false);
