@@ -12,6 +12,7 @@ pub mod motion;
 pub mod noise;
 pub mod plant;
 pub mod playback;
+pub mod pose;
 pub mod run;
 pub mod scenario;
 pub mod setup;

@@ -200,7 +200,7 @@ fn free_position<const N: usize, const D: usize>(
 }
 
 /// Joint position of `target` by Newton's method from `guess`.
-fn inverse_kinematics<const N: usize, const D: usize>(
+pub(crate) fn inverse_kinematics<const N: usize, const D: usize>(
     chain: &Chain<N>,
     guess: &SVector<f64, N>,
     target: &Pose,

@@ -1,7 +1,10 @@
 //! What a person types to rehearse, check and watch admittanced.
 
 mod bench;
+mod closed_loop;
 mod demo;
+mod limits;
+mod parallel;
 mod report;
 mod request;
 mod schema;
@@ -44,6 +47,8 @@ enum Command {
     Schema(schema::Args),
     /// Time the solver on this machine.
     Bench(bench::Args),
+    /// Find the highest approach speeds that stay safe, over stiffness and cycle time.
+    Limits(limits::Args),
     /// Hold the controller's verdicts against what is attainable, over random contacts.
     Study(study::Args),
     /// The daemon itself, in this process: what the demo starts.
@@ -82,6 +87,7 @@ fn main() -> ExitCode {
         Command::Reset(args) => request::reset(&args),
         Command::Schema(args) => schema::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Limits(args) => limits::run(&args),
         Command::Study(args) => study::run(&args),
         Command::RoleDaemon { arguments } => Ok(admittanced::main_with_args(arguments.into_iter())),
         Command::RolePlant { arguments } => Ok(plant_sim::main_with_args(arguments.into_iter())),

@@ -1,6 +1,6 @@
 //! `admittancectl validate`: a configuration file against every key's type and range.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use admittance_host::config::{self, LoadError, Section, keys_markdown};
 use admittanced::config::Config;
@@ -44,14 +44,28 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
             }
             Err(error) => {
                 eprintln!("{error}");
-                worst = match error {
-                    LoadError::Read { .. } => Exit::NoInput,
-                    LoadError::Config(_) => Exit::Config,
-                };
+                worst = code(&error);
             }
         }
     }
     Ok(worst)
+}
+
+/// The configuration of a file, checked as far as `validate` does.
+///
+/// # Errors
+/// The code that `validate` ends with, and what it says.
+pub(crate) fn load(file: &Path) -> Result<Config, (Exit, String)> {
+    let config: Config = config::load(file).map_err(|error| (code(&error), error.to_string()))?;
+    check(&config).map_err(|why| (Exit::Config, format!("{}: {why}", file.display())))?;
+    Ok(config)
+}
+
+fn code(error: &LoadError) -> Exit {
+    match error {
+        LoadError::Read { .. } => Exit::NoInput,
+        LoadError::Config(_) => Exit::Config,
+    }
 }
 
 /// What the daemon would check beyond the keys, when it starts.

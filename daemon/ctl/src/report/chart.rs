@@ -5,10 +5,10 @@ use std::fmt::Write as _;
 use std::ops::Range;
 
 use plotters::coord::Shift;
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use super::axis::Axis;
 use super::clip::clip;
 
 /// Canvas units per pixel of the picture.
@@ -54,6 +54,8 @@ pub(crate) struct Panel {
     pub(crate) y: Range<f64>,
     pub(crate) x_label: String,
     pub(crate) y_label: String,
+    /// Whether both axes are logarithmic; their ranges are then above zero, and all points within them.
+    pub(crate) logarithmic: bool,
     /// Closed polygons below all lines.
     pub(crate) areas: Vec<(RGBColor, Vec<(f64, f64)>)>,
     pub(crate) lines: Vec<Line>,
@@ -139,7 +141,7 @@ impl Chart {
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Plot<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Plot<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
 
 impl Panel {
     fn draw(&self, area: &Area<'_>) -> Result<(), Box<dyn std::error::Error>> {
@@ -148,7 +150,7 @@ impl Panel {
             .margin_right(2 * MARGIN_PX * FINE)
             .x_label_area_size((BOTTOM_PX - MARGIN_PX) * FINE)
             .y_label_area_size((LEFT_PX - MARGIN_PX) * FINE)
-            .build_cartesian_2d(self.x.clone(), self.y.clone())?;
+            .build_cartesian_2d(Axis::new(&self.x, self.logarithmic), Axis::new(&self.y, self.logarithmic))?;
         let (x_step, y_step) = (tick_step(&self.x, 10), tick_step(&self.y, 6));
         for (color, polygon) in &self.areas {
             plot.draw_series(std::iter::once(Polygon::new(polygon.clone(), color.filled())))?;
@@ -158,8 +160,8 @@ impl Panel {
             .y_labels(6)
             .x_desc(&self.x_label)
             .y_desc(&self.y_label)
-            .x_label_formatter(&|value| tick(*value, x_step))
-            .y_label_formatter(&|value| tick(*value, y_step))
+            .x_label_formatter(&|value| self.tick(*value, x_step))
+            .y_label_formatter(&|value| self.tick(*value, y_step))
             .label_style(text_style(INK))
             .axis_desc_style(text_style(INK))
             .axis_style(INK.stroke_width(FINE))
@@ -176,6 +178,11 @@ impl Panel {
             plot.draw_series(std::iter::once(Text::new(note.text.clone(), note.at, style)))?;
         }
         Ok(())
+    }
+
+    fn tick(&self, value: f64, step: f64) -> String {
+        // A logarithmic axis has no step: its ticks need as many decimals as they have.
+        tick(value, if self.logarithmic { value } else { step })
     }
 }
 
@@ -262,6 +269,7 @@ mod tests {
                 y: -1.0..1.0,
                 x_label: "time in s".to_owned(),
                 y_label: "force f_y in N".to_owned(),
+                logarithmic: false,
                 areas: Vec::new(),
                 lines: vec![line(RED_DASHED, 3.0), line(BLUE_SOLID, -3.0)],
                 notes: vec![Note { text: "limit".to_owned(), at: (0.5, 0.5), color: INK }],

@@ -84,6 +84,7 @@ fn time_panel(runs: &[Run], time: &Range<f64>, y: Range<f64>, y_label: &str, val
         y,
         x_label: "time in s".to_owned(),
         y_label: y_label.to_owned(),
+        logarithmic: false,
         areas: Vec::new(),
         lines,
         notes: Vec::new(),
@@ -124,6 +125,15 @@ fn trajectories(runs: &[Run], scenario: &Scenario) -> Chart {
         size: (860, 520),
         description: "Trajectories of the TCP near the first contact".to_owned(),
         legend: legend(runs, false),
-        panels: vec![Panel { x, y, x_label: "x in m".to_owned(), y_label: "y in m".to_owned(), areas, lines, notes }],
+        panels: vec![Panel {
+            x,
+            y,
+            x_label: "x in m".to_owned(),
+            y_label: "y in m".to_owned(),
+            logarithmic: false,
+            areas,
+            lines,
+            notes,
+        }],
     }
 }

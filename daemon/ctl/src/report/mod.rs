@@ -1,5 +1,6 @@
 //! The demo's report: figures 3, 4 and 5 of the paper as SVG, the table, the raw series.
 
+mod axis;
 pub(crate) mod chart;
 mod clip;
 mod figures;

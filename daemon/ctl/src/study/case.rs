@@ -1,13 +1,14 @@
 //! One contact in a closed loop in virtual time: the daemon's cycle against the plant, and what was seen.
 
+use std::ops::ControlFlow;
+
 use admittanced::config::Config;
-use admittanced::cycle;
-use ipc_types::{CommandSample, StopReason, TruthSample, Verdict};
-use plant_sim::run::VirtualRun;
+use ipc_types::{StopReason, TruthSample, Verdict};
 use plant_sim::scenario::Scenario;
 
 use super::attainable::Contact;
 use super::draw::{ACTIVATION_THRESHOLD_N, Draw};
+use crate::closed_loop;
 
 /// The first active sample: the first whose wrench estimate exceeds β on an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,19 +63,13 @@ impl Seen {
 /// # Errors
 /// What controller or plant do not accept.
 pub(crate) fn run(config: &Config, scenario: &Scenario) -> Result<Seen, String> {
-    let mut cycle = cycle::build(config)?;
-    let mut plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
-    let mut command = CommandSample::zeroed();
     let mut seen = Seen::default();
     let (mut losses_before, mut last_verdict) = (0, Verdict::None.code());
-    while !plant.is_finished() {
-        let state = *plant.sample().ok_or("the plant published no sample")?;
-        cycle.answer(&state, state.stamp_ns, &mut || false, &mut command);
-        command.sequence += 1;
-        let truth = plant.advance(Some(&command)).map_err(|rejection| format!("command refused: {rejection:?}"))?;
+    closed_loop::run(config, scenario, |step| {
+        let (state, command, truth) = (step.state, step.command, step.truth);
         let active = state.wrench.iter().any(|force| force.abs() > ACTIVATION_THRESHOLD_N);
         if active && seen.first_active.is_none() {
-            seen.first_active = Some(first_active(&state.joint_position, &state.joint_velocity, &truth));
+            seen.first_active = Some(first_active(&state.joint_position, &state.joint_velocity, truth));
             losses_before = truth.contact_losses;
             seen.peak_n = truth.normal_force_n;
         } else if seen.first_active.is_some() {
@@ -98,7 +93,8 @@ pub(crate) fn run(config: &Config, scenario: &Scenario) -> Result<Seen, String> 
         }
         seen.infeasible_cycles += u32::from(last_verdict == Verdict::Infeasible.code());
         seen.stop_reason = command.stop_reason;
-    }
+        ControlFlow::Continue(())
+    })?;
     Ok(seen)
 }
 
@@ -131,7 +127,9 @@ pub(crate) fn contact(draw: &Draw, first: &FirstActive) -> Contact {
 
 #[cfg(test)]
 mod tests {
-    use ipc_types::Motion;
+    use admittanced::cycle;
+    use ipc_types::{CommandSample, Motion};
+    use plant_sim::run::VirtualRun;
 
     use super::super::arm::dot;
     use super::super::attainable::{DURATION_S, JointState};

@@ -14,13 +14,8 @@ mod statistics;
 mod table;
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc;
-use std::thread;
 
-use indicatif::{ProgressBar, ProgressStyle};
-
-use crate::Exit;
+use crate::{Exit, parallel};
 use controller::{Profile, Variant};
 use draw::Draw;
 use statistics::Case;
@@ -95,7 +90,7 @@ fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
 }
 
 fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
-    let threads = args.threads.map_or_else(processors, usize::from);
+    let threads = args.threads.map_or_else(parallel::processors, usize::from);
     let write = |path: &Path, text: &str| {
         std::fs::write(path, text).map_err(|error| (Exit::Unavailable, format!("{}: {error}", path.display())))
     };
@@ -120,40 +115,12 @@ fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
     Ok(Exit::Ok)
 }
 
-fn processors() -> usize {
-    thread::available_parallelism().map_or(1, usize::from)
-}
-
 /// Cases 0 to `runs` − 1, in this order.
 ///
 /// # Errors
 /// A case that could not be drawn.
 fn cases(seed: u64, runs: u64, threads: usize) -> Result<Vec<Case>, String> {
-    let (next, (sender, receiver)) = (AtomicU64::new(0), mpsc::channel());
-    // Hidden when stderr is no terminal.
-    let bar = ProgressBar::new(runs).with_style(
-        ProgressStyle::with_template("{bar:40} {pos}/{len} contacts, {eta} left")
-            .unwrap_or_else(|_| ProgressStyle::default_bar()),
-    );
-    let mut cases = thread::scope(|scope| {
-        for _ in 0..threads {
-            let (next, sender) = (&next, sender.clone());
-            scope.spawn(move || {
-                loop {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    // Nobody listens any more after an error.
-                    if index >= runs || sender.send(one_case(seed, index)).is_err() {
-                        return;
-                    }
-                }
-            });
-        }
-        drop(sender);
-        receiver.into_iter().inspect(|_| bar.inc(1)).collect::<Result<Vec<Case>, String>>()
-    })?;
-    bar.finish_and_clear();
-    cases.sort_by_key(|case| case.draw.index);
-    Ok(cases)
+    parallel::map(runs, threads, "contacts", |index| one_case(seed, index))
 }
 
 /// Draws a case, runs every variant, and asks the judge.

@@ -1,10 +1,6 @@
 //! The highest safe approach speed against the cycle time, on the arm and the contact of DESIGN section 3: what is
 //! attainable at all, the controller, and the paper profile.
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
-
 use plotters::style::RGBColor;
 use serde::Serialize;
 
@@ -13,6 +9,7 @@ use super::case::{self, FirstActive};
 use super::controller::{self, Profile, Variant};
 use super::draw::{Draw, SAMPLING_TIMES_S};
 use super::statistics::exceeds;
+use crate::parallel;
 use crate::report::chart::{Chart, Line, LineStyle, Panel};
 
 /// Instants of contact within a sample that a safe speed has to be safe at.
@@ -58,23 +55,10 @@ const CURVES: [Curve; 3] = [Curve::Attainable, Curve::Run(Profile::Default), Cur
 pub(crate) fn speeds(threads: usize) -> Result<Vec<Speeds>, String> {
     let tasks: Vec<(f64, Curve)> =
         SAMPLING_TIMES_S.into_iter().flat_map(|time| CURVES.map(|curve| (time, curve))).collect();
-    let (next, found) = (AtomicUsize::new(0), Mutex::new(vec![Err("not tried".to_owned()); tasks.len()]));
-    thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some((index, (time, curve))) = {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    tasks.get(index).map(|task| (index, *task))
-                } {
-                    let speed = highest_safe_speed(time, curve);
-                    if let Ok(mut found) = found.lock() {
-                        found[index] = speed;
-                    }
-                }
-            });
-        }
-    });
-    let found = found.into_inner().map_err(|_| "a thread panicked")?.into_iter().collect::<Result<Vec<f64>, _>>()?;
+    let found = parallel::map(tasks.len() as u64, threads, "curve points", |index| {
+        let (time, curve) = tasks[index as usize];
+        highest_safe_speed(time, curve)
+    })?;
     let speeds = SAMPLING_TIMES_S.into_iter().zip(found.chunks_exact(CURVES.len())).map(|(sampling_time_s, speeds)| {
         Speeds { sampling_time_s, attainable_m_s: speeds[0], controller_m_s: speeds[1], paper_m_s: speeds[2] }
     });
@@ -172,6 +156,7 @@ pub(crate) fn svg(speeds: &[Speeds]) -> Result<String, String> {
             y: 0.0..highest * 1.1,
             x_label: "cycle time in ms".to_owned(),
             y_label: "approach speed in m/s".to_owned(),
+            logarithmic: false,
             areas: Vec::new(),
             lines: LOOKS.into_iter().zip(values).map(line).collect(),
             notes: Vec::new(),

@@ -1,0 +1,248 @@
+//! One cycle time and one stiffness: the configuration for them, and whether an approach is safe.
+
+use std::fmt;
+use std::ops::ControlFlow;
+
+use admittance_host::config::Section;
+use admittanced::config::Config;
+use ipc_types::StopReason;
+use plant_sim::run::VirtualRun;
+use serde::Serialize;
+
+use super::approach::Approach;
+use super::search;
+use crate::closed_loop;
+
+/// By how much in N a force may exceed its limit and still count as kept.
+pub(crate) const FORCE_TOLERANCE_N: f64 = 0.5;
+/// Highest speed that is tried, in m/s.
+const HIGHEST_M_S: f64 = 3.0;
+/// Names of the task axes.
+pub(crate) const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// Why an approach is not safe: what came first.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Unsafe {
+    /// A true force above its limit.
+    Force { axis: usize, force_n: f64 },
+    /// The tool left the surface after it had touched.
+    ContactLost,
+    /// The controller stopped.
+    Stop(StopReason),
+    /// A sample did not reach the law.
+    Fault(String),
+    /// The approach starts where the arm does not reach, or passes a singular pose.
+    OutOfReach,
+    /// The tool never touched.
+    NoContact,
+}
+
+impl fmt::Display for Unsafe {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Force { axis, force_n } => write!(f, "force on {}: {force_n:.1} N", AXES.get(*axis).unwrap_or(&"?")),
+            Self::ContactLost => write!(f, "contact lost"),
+            Self::Stop(reason) => write!(f, "stop: {reason}"),
+            Self::Fault(fault) => write!(f, "fault: {fault}"),
+            Self::OutOfReach => write!(f, "approach out of reach"),
+            Self::NoContact => write!(f, "no contact"),
+        }
+    }
+}
+
+/// What was found for one cycle time and one stiffness.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Cell {
+    /// T_s in s.
+    pub(crate) sampling_time_s: f64,
+    /// Stiffness along the normal in N/m, believed and true.
+    pub(crate) stiffness_n_m: f64,
+    /// Highest safe speed in m/s, 0 when none is; `None` when the configuration does not allow this cell.
+    pub(crate) speed_m_s: Option<f64>,
+    /// The next higher speed that was tried and is not safe; `None` when the highest one tried is safe.
+    pub(crate) unsafe_m_s: Option<f64>,
+    /// What keeps the speed from being higher.
+    pub(crate) limited_by: String,
+    /// Whether a higher speed was safe, but one between was not.
+    pub(crate) lowered: bool,
+}
+
+/// The configuration at another cycle time and stiffness.
+///
+/// # Errors
+/// What its checks do not accept.
+pub(crate) fn config_for(base: &Config, sampling_time_s: f64, stiffness_n_m: f64) -> Result<Config, String> {
+    let mut config = base.clone();
+    config.environment.normal_stiffness_n_m = stiffness_n_m;
+    // A daemon that waits for someone to enable it would not do anything here.
+    config.control.start_enabled = true;
+    if !is_own(base, sampling_time_s) {
+        let control = &mut config.control;
+        let ratio = sampling_time_s / control.sampling_time_s;
+        control.sampling_time_s = sampling_time_s;
+        // The same share of a cycle, and the same number of cycles, within what the keys accept.
+        control.answer_budget_s = (control.answer_budget_s * ratio).max(1e-5).min(sampling_time_s);
+        control.max_sample_age_s = (control.max_sample_age_s * ratio).clamp(sampling_time_s.max(1e-4), 1.0);
+        control.spin_s = control.spin_s.min(0.5 * sampling_time_s);
+        // Step lengths belong to their own cycle time; without any the default rule holds.
+        config.mpc.step_lengths_s = None;
+    }
+    let mut errors = Vec::new();
+    config.check("", &mut errors);
+    match errors.first() {
+        None => Ok(config),
+        Some(error) => Err(error.to_string()),
+    }
+}
+
+/// Whether this is the configuration's own cycle time.
+pub(crate) fn is_own(base: &Config, sampling_time_s: f64) -> bool {
+    (sampling_time_s / base.control.sampling_time_s - 1.0).abs() < 1e-9
+}
+
+/// The highest speed in m/s that is tried, and what bounds it.
+pub(crate) fn highest_m_s(config: &Config, approach: &Approach) -> (f64, &'static str) {
+    // The arm cannot approach any faster, whatever the contact would allow.
+    let at_joint_limits = approach.speed_at_joint_limits_m_s(config);
+    if at_joint_limits < HIGHEST_M_S {
+        (search::round_to_digits(0.995 * at_joint_limits, 3).min(at_joint_limits), "joint speed limit")
+    } else {
+        (HIGHEST_M_S, "highest speed tried")
+    }
+}
+
+/// The highest safe speed of a cell.
+///
+/// # Errors
+/// What controller or plant do not accept although the checks did.
+pub(crate) fn cell(
+    base: &Config,
+    approach: &Approach,
+    sampling_time_s: f64,
+    stiffness_n_m: f64,
+    instants: u32,
+) -> Result<Cell, String> {
+    let none = |why: String| Cell {
+        sampling_time_s,
+        stiffness_n_m,
+        speed_m_s: None,
+        unsafe_m_s: None,
+        limited_by: why,
+        lowered: false,
+    };
+    let config = match config_for(base, sampling_time_s, stiffness_n_m) {
+        Ok(config) => config,
+        Err(why) => return Ok(none(why)),
+    };
+    // Most instants agree; the one that was unsafe last is the first to ask at the next speed.
+    let mut first = 0;
+    let (highest, bound) = highest_m_s(&config, approach);
+    let found = search::highest_safe(highest, |speed| {
+        for turn in 0..instants {
+            let instant = (first + turn) % instants;
+            if let Err(why) = is_safe(&config, approach, speed, f64::from(instant) / f64::from(instants))? {
+                first = instant;
+                return Ok(Err(why));
+            }
+        }
+        Ok(Ok(()))
+    })?;
+    Ok(Cell {
+        sampling_time_s,
+        stiffness_n_m,
+        speed_m_s: Some(found.safe_m_s),
+        unsafe_m_s: found.beyond.as_ref().map(|(speed, _)| *speed),
+        limited_by: found.beyond.map_or_else(|| bound.to_owned(), |(_, why)| why.to_string()),
+        lowered: found.lowered,
+    })
+}
+
+/// Whether the approach at one speed with one instant of contact, as a share of a cycle, is safe.
+///
+/// # Errors
+/// As [`cell`].
+pub(crate) fn is_safe(
+    config: &Config,
+    approach: &Approach,
+    speed_m_s: f64,
+    contact_phase: f64,
+) -> Result<Result<(), Unsafe>, String> {
+    let Ok(plant) = VirtualRun::new(&approach.scenario(config, speed_m_s, contact_phase)) else {
+        return Ok(Err(Unsafe::OutOfReach));
+    };
+    let mut verdict = Ok(());
+    let mut touched = false;
+    closed_loop::run_plant(config, plant, |step| {
+        touched |= step.truth.peak_normal_force_n > 0.0;
+        verdict = check(config, step);
+        if verdict.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    })?;
+    Ok(if verdict.is_ok() && !touched { Err(Unsafe::NoContact) } else { verdict })
+}
+
+fn check(config: &Config, step: &closed_loop::Step<'_>) -> Result<(), Unsafe> {
+    for (axis, limit) in limited_axes(config) {
+        let force = step.truth.peak_wrench[axis].abs();
+        if force > limit + FORCE_TOLERANCE_N {
+            return Err(Unsafe::Force { axis, force_n: force });
+        }
+    }
+    if step.truth.contact_losses > 0 {
+        return Err(Unsafe::ContactLost);
+    }
+    if let Some(fault) = &step.report.fault {
+        return Err(Unsafe::Fault(format!("{fault:?}")));
+    }
+    match StopReason::from_code(step.command.stop_reason) {
+        Some(StopReason::None) => Ok(()),
+        Some(reason) => Err(Unsafe::Stop(reason)),
+        None => Err(Unsafe::Fault(format!("stop reason {}", step.command.stop_reason))),
+    }
+}
+
+/// The axes whose force is limited, and their limits in N. The plant's surface gives no moments.
+pub(crate) fn limited_axes(config: &Config) -> impl Iterator<Item = (usize, f64)> + '_ {
+    let contact = &config.contact;
+    let axes = contact.admittance_axes.iter().zip(&contact.force_limit).enumerate().take(3);
+    axes.filter(|(_, (admittance, _))| **admittance).map(|(axis, (_, limit))| (axis, *limit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::planar;
+    use super::*;
+
+    #[test]
+    fn what_hangs_on_the_cycle_time_changes_with_it() {
+        let mut base = planar();
+        base.mpc.step_lengths_s = Some(vec![0.004, 0.004, 0.008]);
+        let own = config_for(&base, 0.004, 3e5).unwrap();
+        assert_eq!(own.mpc.step_lengths_s, base.mpc.step_lengths_s);
+        assert_eq!(own.environment.normal_stiffness_n_m, 3e5);
+        let fast = config_for(&base, 0.00025, 1e5).unwrap();
+        assert_eq!(fast.mpc.step_lengths_s, None);
+        assert!((fast.control.max_sample_age_s - 3.0 * 0.00025).abs() < 1e-12);
+        assert!((fast.control.answer_budget_s - 0.25 * 0.00025).abs() < 1e-12);
+        assert!(fast.control.spin_s <= 0.5 * 0.00025);
+        for time in [0.0001, 0.01, 0.1] {
+            config_for(&base, time, 1e5).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_delay_of_too_many_cycles_leaves_the_cell_out() {
+        let mut base = planar();
+        base.control.command_delay_s = 0.004;
+        let approach = Approach::new(&base, None, None).unwrap();
+        let cell = cell(&base, &approach, 0.00025, 1e5, 2).unwrap();
+        assert!(cell.speed_m_s.is_none() && cell.limited_by.contains("command_delay_s"), "{}", cell.limited_by);
+    }
+
+    #[test]
+    fn the_shipped_profile_is_safe_at_the_papers_speed_and_not_at_four_times_it() {
+        let (config, approach) = (planar(), Approach::new(&planar(), None, None).unwrap());
+        assert_eq!(is_safe(&config, &approach, 0.2, 0.5).unwrap(), Ok(()));
+        let why = is_safe(&config, &approach, 1.0, 0.5).unwrap().unwrap_err();
+        assert!(matches!(why, Unsafe::Stop(_) | Unsafe::Force { .. }), "{why}");
+    }
+}

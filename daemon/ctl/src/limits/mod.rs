@@ -1,0 +1,252 @@
+//! `admittancectl limits`: how fast a configured robot may approach, over stiffness and cycle time. By simulation of the
+//! daemon's own cycle, not by a formula.
+
+mod approach;
+mod cell;
+mod figure;
+mod search;
+mod table;
+
+use std::path::{Path, PathBuf};
+
+use admittanced::config::Config;
+
+use crate::{Exit, parallel, validate};
+use approach::Approach;
+use table::Limits;
+
+/// Factors of the configured stiffness, and cycle times in s, that are looked at unless others are given.
+const STIFFNESS_FACTORS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
+const SAMPLING_TIMES_S: [f64; 5] = [0.004, 0.002, 0.001, 0.0005, 0.00025];
+/// What the configuration's keys accept.
+const ACCEPTED_STIFFNESS_N_M: (f64, f64) = (100.0, 1e8);
+const ACCEPTED_SAMPLING_TIME_S: (f64, f64) = (0.0001, 0.1);
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  admittancectl limits deploy/demo/mpc-default.toml --figure limits.svg\n  \
+    admittancectl limits deploy/six-joint.toml --joints 0.3,1.2,-1.8,2.2,1.57,0.3 --sampling-time-s 0.004,0.001\n\n\
+    Safe: at every instant of contact within a cycle that was tried, the true force stays within the force limit + 0.5 N on \
+    every admittance axis, the contact is not lost, and the controller neither stops nor refuses a sample. The simulated \
+    robot is exactly what the configuration says: keep a margin for what it does not know.")]
+pub(crate) struct Args {
+    /// Configuration of the daemon.
+    #[arg(value_name = "CONFIG")]
+    config: PathBuf,
+    /// Joint position at contact in rad, base first; required for arms of 6 and 7 joints. It is moved to
+    /// environment.contact_point_m in the same orientation.
+    #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
+    joints: Option<Vec<f64>>,
+    /// Direction of the approach in the base frame, of any length; along the inward surface normal when absent.
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true)]
+    direction: Option<Vec<f64>>,
+    /// Stiffnesses in N/m, believed and true, 8 at most; 0.1, 0.3, 1, 3 and 10 times the configured one when absent.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    stiffness_n_m: Option<Vec<f64>>,
+    /// Cycle times in s; 4, 2, 1, 0.5 and 0.25 ms and the configured one when absent.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    sampling_time_s: Option<Vec<f64>>,
+    /// Instants of contact within a cycle, evenly spread, that a safe speed has to be safe at.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    instants: u32,
+    /// Threads; one for each processor when absent.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Also draw speed against cycle time, a line for each stiffness, into this SVG file.
+    #[arg(long, value_name = "FILE")]
+    figure: Option<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
+    let config = validate::load(&args.config)?;
+    let question = Question::new(args, &config)?;
+    let write = |path: &Path, text: &str| {
+        std::fs::write(path, text).map_err(|error| (Exit::Unavailable, format!("{}: {error}", path.display())))
+    };
+    if let Some(path) = &args.figure {
+        if question.sampling_times_s.len() < 2 {
+            return Err((Exit::Usage, "--figure: accepted with two cycle times at least".to_owned()));
+        }
+        // A typing error shows now, not after minutes.
+        write(path, "")?;
+    }
+    let threads = args.threads.map_or_else(parallel::processors, usize::from);
+    let limits = limits(&args.config, &config, &question, threads).map_err(|why| (Exit::Internal, why))?;
+    if let Some(path) = &args.figure {
+        write(path, &figure::svg(&limits).map_err(|why| (Exit::Internal, why))?)?;
+    }
+    if args.json {
+        let json = serde_json::to_string_pretty(&limits).map_err(|error| (Exit::Internal, error.to_string()))?;
+        println!("{json}");
+    } else {
+        println!("{}", table::text(&limits));
+    }
+    Ok(Exit::Ok)
+}
+
+/// What is asked, checked.
+#[derive(Debug)]
+struct Question {
+    approach: Approach,
+    /// Ascending.
+    stiffnesses_n_m: Vec<f64>,
+    /// Descending.
+    sampling_times_s: Vec<f64>,
+    instants: u32,
+}
+
+impl Question {
+    fn new(args: &Args, config: &Config) -> Result<Self, (Exit, String)> {
+        let own = config.control.sampling_time_s;
+        let mut sampling_times_s = match &args.sampling_time_s {
+            Some(list) => accepted("--sampling-time-s", list, ACCEPTED_SAMPLING_TIME_S, "s", 32)?,
+            None => SAMPLING_TIMES_S.into_iter().chain([own]).collect(),
+        };
+        // Time passes in whole nanoseconds.
+        sampling_times_s.iter_mut().filter(|time| **time != own).for_each(|time| *time = (*time * 1e9).round() / 1e9);
+        sampling_times_s.sort_by(|a, b| b.total_cmp(a));
+        sampling_times_s.dedup();
+        let mut stiffnesses_n_m = match &args.stiffness_n_m {
+            // No more than the figure has colours.
+            Some(list) => accepted("--stiffness-n-m", list, ACCEPTED_STIFFNESS_N_M, "N/m", figure::LOOKS.len())?,
+            None => STIFFNESS_FACTORS
+                .into_iter()
+                .map(|factor| search::round_to_digits(factor * config.environment.normal_stiffness_n_m, 6))
+                .filter(|stiffness| (ACCEPTED_STIFFNESS_N_M.0..=ACCEPTED_STIFFNESS_N_M.1).contains(stiffness))
+                .collect(),
+        };
+        stiffnesses_n_m.sort_by(f64::total_cmp);
+        stiffnesses_n_m.dedup();
+        let approach = Approach::new(config, args.joints.as_deref(), args.direction.as_deref())?;
+        if !cell::limited_axes(config).any(|(axis, _)| approach.normal[axis] != 0.0) {
+            let why = "contact.admittance_axes has no axis along which the surface pushes back: no approach is safe";
+            return Err((Exit::Config, why.to_owned()));
+        }
+        Ok(Self { approach, stiffnesses_n_m, sampling_times_s, instants: args.instants })
+    }
+}
+
+fn accepted(
+    option: &str,
+    list: &[f64],
+    (least, most): (f64, f64),
+    unit: &str,
+    longest: usize,
+) -> Result<Vec<f64>, (Exit, String)> {
+    if let Some(wrong) = list.iter().find(|value| !(least..=most).contains(*value)) {
+        return Err((Exit::Usage, format!("{option} {wrong}: accepted: {least} to {most} {unit}")));
+    }
+    if list.is_empty() || list.len() > longest {
+        return Err((Exit::Usage, format!("{option}: {} values, accepted: 1 to {longest}", list.len())));
+    }
+    Ok(list.to_vec())
+}
+
+/// All cells.
+fn limits(path: &Path, config: &Config, question: &Question, threads: usize) -> Result<Limits, String> {
+    let Question { approach, stiffnesses_n_m, sampling_times_s, instants } = question;
+    // Fast cycles take longest: they come first, so that no thread is left alone with one.
+    let pairs: Vec<(f64, f64)> = sampling_times_s
+        .iter()
+        .rev()
+        .flat_map(|time| stiffnesses_n_m.iter().map(move |stiffness| (*time, *stiffness)))
+        .collect();
+    let cells = parallel::map(pairs.len() as u64, threads, "cells", |index| {
+        let (time, stiffness) = pairs[index as usize];
+        cell::cell(config, approach, time, stiffness, *instants)
+    })?;
+    Ok(Limits::new(path, config, question, cells))
+}
+
+#[cfg(test)]
+mod tests {
+    use admittance_host::config::parse;
+    use clap::Parser;
+
+    use super::*;
+
+    pub(super) fn planar() -> Config {
+        parse(include_str!("../../../../deploy/demo/mpc-default.toml"), "mpc-default.toml").unwrap()
+    }
+
+    pub(super) fn spatial() -> Config {
+        parse(include_str!("../../../../deploy/six-joint.toml"), "six-joint.toml").unwrap()
+    }
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    fn args(line: &[&str]) -> Args {
+        Line::try_parse_from(["limits", "cell.toml"].iter().chain(line)).unwrap().args
+    }
+
+    #[test]
+    fn defaults_lie_around_the_configuration() {
+        let mut config = planar();
+        let question = Question::new(&args(&[]), &config).unwrap();
+        assert_eq!(question.stiffnesses_n_m, [1e4, 3e4, 1e5, 3e5, 1e6]);
+        assert_eq!(question.sampling_times_s, SAMPLING_TIMES_S);
+        config.control.sampling_time_s = 0.003;
+        config.environment.normal_stiffness_n_m = 5e7;
+        let question = Question::new(&args(&[]), &config).unwrap();
+        assert_eq!(question.sampling_times_s, [0.004, 0.003, 0.002, 0.001, 0.0005, 0.00025]);
+        assert_eq!(question.stiffnesses_n_m, [5e6, 1.5e7, 5e7]);
+    }
+
+    #[test]
+    fn arguments_are_checked() {
+        let question = Question::new(&args(&["--joints", "-1.3,-1.4", "--stiffness-n-m=3e4,1e4,1e4"]), &planar());
+        assert_eq!(question.map(|question| question.stiffnesses_n_m).unwrap_or_default(), [1e4, 3e4]);
+        for (line, told) in [
+            (["--sampling-time-s", "0"], "0.0001 to 0.1 s"),
+            (["--stiffness-n-m", "NaN"], "N/m"),
+            (["--stiffness-n-m", "1e3,2e3,3e3,4e3,5e3,6e3,7e3,8e3,9e3"], "1 to 8"),
+            (["--joints", "1"], "one for each joint"),
+            (["--direction", "0,1,0"], "out of the surface"),
+        ] {
+            let (code, why) = Question::new(&args(&line), &planar()).unwrap_err();
+            assert!(code == Exit::Usage && why.contains(told), "{why}");
+        }
+    }
+
+    #[test]
+    fn an_arm_that_does_not_feel_the_surface_is_refused() {
+        let mut config = spatial();
+        config.contact.admittance_axes = vec![true, true, false, true, true, true];
+        let line = args(&["--joints", "0.3,1.2,-1.8,2.2,1.57,0.3"]);
+        let (code, why) = Question::new(&line, &config).unwrap_err();
+        assert!(code == Exit::Config && why.contains("admittance_axes"), "{why}");
+    }
+
+    #[test]
+    fn files_end_with_the_codes_of_validate() {
+        let directory = tempfile::tempdir().unwrap();
+        let code = |path: &Path| run(&Args { config: path.to_owned(), ..args(&[]) }).unwrap_err().0;
+        assert_eq!(code(&directory.path().join("missing.toml")), Exit::NoInput);
+        let malformed = directory.path().join("malformed.toml");
+        std::fs::write(&malformed, "[control]\nsampling_time_s = 5").unwrap();
+        assert_eq!(code(&malformed), Exit::Config);
+    }
+
+    #[test]
+    fn the_answer_is_safe_and_five_percent_more_is_not() {
+        let config = planar();
+        let line = args(&["--sampling-time-s", "0.004", "--stiffness-n-m", "1e5", "--instants", "4"]);
+        let question = Question::new(&line, &config).unwrap();
+        let limits = limits(Path::new("mpc-default.toml"), &config, &question, 2).unwrap();
+        let speed = limits.cells[0].speed_m_s.unwrap();
+        assert!((0.2..0.6).contains(&speed), "{:?}", limits.cells);
+        let config = cell::config_for(&config, 0.004, 1e5).unwrap();
+        let is_safe = |speed: f64| {
+            (0..4).all(|instant| {
+                cell::is_safe(&config, &question.approach, speed, f64::from(instant) / 4.0).unwrap().is_ok()
+            })
+        };
+        assert!(is_safe(speed) && !is_safe(1.05 * speed), "{speed}");
+    }
+}

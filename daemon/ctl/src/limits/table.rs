@@ -1,0 +1,279 @@
+//! The limits as text and, by the same struct, as JSON.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use admittanced::config::Config;
+use comfy_table::Table;
+use serde::Serialize;
+
+use super::approach::AFTER_CONTACT_S;
+use super::cell::{AXES, Cell, FORCE_TOLERANCE_N, is_own, limited_axes};
+use super::{Question, search};
+
+/// Everything that was asked and found.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct Limits {
+    /// File of the configuration.
+    config: String,
+    /// Name of the arm.
+    robot: String,
+    /// Law of the controller.
+    law: &'static str,
+    /// Joint position at contact in rad.
+    joint_position_rad: Vec<f64>,
+    /// That of the other elbow, which was not looked at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    other_joint_position_rad: Option<Vec<f64>>,
+    /// Where the TCP touches, in m.
+    contact_point_m: [f64; 3],
+    /// Outward normal of the surface.
+    surface_normal: [f64; 3],
+    /// Direction of the approach.
+    direction: [f64; 3],
+    /// Part of the speed that goes into the surface.
+    inward_share: f64,
+    /// The configuration's own cycle time in s and stiffness in N/m.
+    own_sampling_time_s: f64,
+    own_stiffness_n_m: f64,
+    /// Command delay in s, the same at all cycle times.
+    command_delay_s: f64,
+    /// Force limits of the admittance axes, and how far above them still counts as kept.
+    force_limits: Vec<ForceLimit>,
+    force_tolerance_n: f64,
+    /// Instants of contact within a cycle.
+    instants: u32,
+    /// How long each approach was simulated after the contact, in s.
+    time_after_contact_s: f64,
+    /// In the table's order: cycle times descending, stiffnesses ascending.
+    pub(crate) sampling_times_s: Vec<f64>,
+    pub(crate) stiffnesses_n_m: Vec<f64>,
+    /// Row by row.
+    pub(crate) cells: Vec<Cell>,
+    /// What has to be known about the figures.
+    notes: Vec<String>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct ForceLimit {
+    axis: &'static str,
+    force_limit_n: f64,
+}
+
+impl Limits {
+    /// What was found, in the order of the table.
+    pub(crate) fn new(path: &Path, config: &Config, question: &Question, mut cells: Vec<Cell>) -> Self {
+        let Question { approach, stiffnesses_n_m, sampling_times_s, instants } = question;
+        cells.sort_by(|a, b| {
+            b.sampling_time_s.total_cmp(&a.sampling_time_s).then(a.stiffness_n_m.total_cmp(&b.stiffness_n_m))
+        });
+        Self {
+            config: path.display().to_string(),
+            robot: config.robot.name.clone(),
+            law: config.control.law.name(),
+            joint_position_rad: approach.pose.joint_position_rad.clone(),
+            other_joint_position_rad: approach.other_joint_position_rad.clone(),
+            contact_point_m: approach.pose.tcp_position_m,
+            surface_normal: approach.normal,
+            direction: approach.direction,
+            inward_share: approach.inward_share(),
+            own_sampling_time_s: config.control.sampling_time_s,
+            own_stiffness_n_m: config.environment.normal_stiffness_n_m,
+            command_delay_s: config.control.command_delay_s,
+            force_limits: limited_axes(config)
+                .map(|(axis, force_limit_n)| ForceLimit { axis: AXES[axis], force_limit_n })
+                .collect(),
+            force_tolerance_n: FORCE_TOLERANCE_N,
+            instants: *instants,
+            time_after_contact_s: AFTER_CONTACT_S,
+            sampling_times_s: sampling_times_s.clone(),
+            stiffnesses_n_m: stiffnesses_n_m.clone(),
+            notes: notes(config, question, &cells),
+            cells,
+        }
+    }
+}
+
+fn notes(config: &Config, question: &Question, cells: &[Cell]) -> Vec<String> {
+    let own = config.control.sampling_time_s;
+    let others = question.sampling_times_s.iter().any(|time| !is_own(config, *time));
+    let mut notes = Vec::new();
+    if others && config.mpc.step_lengths_s.is_some() {
+        let own = milliseconds(own);
+        notes.push(format!(
+            "mpc.step_lengths_s is for {own} ms only; the other cycle times run with the default step lengths."
+        ));
+    }
+    if let Some(horizon) = config.mpc.horizon.filter(|_| others) {
+        let fastest = question.sampling_times_s.last().copied().unwrap_or(own);
+        let span = |time: f64| milliseconds(f64::from(horizon) * time);
+        notes.push(format!(
+            "mpc.horizon = {horizon} steps at every cycle time: {} ms at {} ms, but {} ms at {} ms. Without the key the \
+             horizon is as long in time at all of them.",
+            span(own),
+            milliseconds(own),
+            span(fastest),
+            milliseconds(fastest)
+        ));
+    }
+    if config.control.command_delay_s > 0.0 && others {
+        let delay = milliseconds(config.control.command_delay_s);
+        notes.push(format!("control.command_delay_s = {delay} ms at every cycle time."));
+    }
+    if question.approach.inward_share() < 0.9995 {
+        let share = 100.0 * question.approach.inward_share();
+        notes.push(format!("Speeds are along the approach; {share:.1} % of them go into the surface."));
+    }
+    for cell in cells.iter().filter(|cell| cell.lowered) {
+        notes.push(format!(
+            "{} ms, {} N/m: some higher speeds are safe too, but not all up to them.",
+            milliseconds(cell.sampling_time_s),
+            stiffness(cell.stiffness_n_m)
+        ));
+    }
+    for cell in cells.iter().filter(|cell| cell.speed_m_s.is_none()) {
+        let (time, stiffness) = (milliseconds(cell.sampling_time_s), stiffness(cell.stiffness_n_m));
+        notes.push(format!("{time} ms, {stiffness} N/m is left out: {}", cell.limited_by));
+    }
+    notes
+}
+
+/// Heading, table, what "safe" means, notes.
+pub(crate) fn text(limits: &Limits) -> String {
+    let mut text = format!("{}: {}, law {}\n", limits.config, limits.robot, limits.law);
+    let _ = writeln!(
+        text,
+        "Contact at {} m with the joints at {} rad{}.",
+        list(&limits.contact_point_m),
+        list(&limits.joint_position_rad),
+        limits
+            .other_joint_position_rad
+            .as_ref()
+            .map_or_else(String::new, |other| format!(" (the other elbow, {}, with --joints)", list(other)))
+    );
+    let _ = writeln!(
+        text,
+        "Approach along {}; outward surface normal {}.\n\nHighest safe approach speed in m/s, and what comes first above it:",
+        list(&limits.direction),
+        list(&limits.surface_normal),
+    );
+    let mut table = Table::new();
+    let own = |is: bool| if is { " *" } else { "" };
+    table.set_header(std::iter::once("cycle time".to_owned()).chain(
+        limits.stiffnesses_n_m.iter().map(|k| format!("{} N/m{}", stiffness(*k), own(*k == limits.own_stiffness_n_m))),
+    ));
+    for (time, row) in limits.sampling_times_s.iter().zip(limits.cells.chunks(limits.stiffnesses_n_m.len().max(1))) {
+        let name = format!("{} ms{}", milliseconds(*time), own(*time == limits.own_sampling_time_s));
+        table.add_row(std::iter::once(name).chain(row.iter().map(entry)));
+    }
+    let bounds: Vec<String> =
+        limits.force_limits.iter().map(|limit| format!("{} N on {}", limit.force_limit_n, limit.axis)).collect();
+    let _ = write!(
+        text,
+        "{table}\n* as configured. Stiffness: along the normal, believed and true.\n\
+         Safe: at each of {} instants of contact within a cycle, and for {} s from then on, the true force is at most {} \
+         (+ {} N), the contact is not lost, and the controller neither stops nor refuses a sample. Each answer is a speed \
+         that was tried, the next higher one tried is not safe and at most {:.1} % above it; speeds below were tried down to \
+         half. The simulated robot is exactly what the configuration says, without noise and late cycles: keep a margin.",
+        limits.instants,
+        limits.time_after_contact_s,
+        bounds.join(", "),
+        limits.force_tolerance_n,
+        100.0 * (search::RESOLUTION - 1.0) + 0.5,
+    );
+    for note in &limits.notes {
+        let _ = write!(text, "\nNote: {note}");
+    }
+    text
+}
+
+fn entry(cell: &Cell) -> String {
+    match (cell.speed_m_s, cell.unsafe_m_s) {
+        (None, _) => "-".to_owned(),
+        // Below the lowest speed tried nothing is known.
+        (Some(0.0), Some(lowest)) => format!("< {lowest}\n{}", cell.limited_by),
+        (Some(speed), None) => format!(">= {speed}\n{}", cell.limited_by),
+        (Some(speed), Some(_)) => format!("{speed}\n{}", cell.limited_by),
+    }
+}
+
+fn list(values: &[f64]) -> String {
+    // Rounding must not leave a minus sign before zero.
+    let values = values.iter().map(|value| format!("{:.4}", (value * 1e4).round() / 1e4 + 0.0));
+    format!("({})", values.collect::<Vec<_>>().join(", "))
+}
+
+/// A cycle time in ms, as short as it is exact.
+pub(crate) fn milliseconds(time_s: f64) -> f64 {
+    (time_s * 1e9).round() / 1e6
+}
+
+/// A stiffness in N/m, as in 3e5.
+pub(crate) fn stiffness(stiffness_n_m: f64) -> String {
+    format!("{:e}", search::round_to_digits(stiffness_n_m, 6))
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::approach::Approach;
+    use super::super::tests::planar;
+    use super::*;
+
+    pub(in crate::limits) fn made_up() -> Limits {
+        let mut config = planar();
+        config.mpc.horizon = Some(5);
+        let question = Question {
+            approach: Approach::new(&config, None, Some(&[0.0, -1.0])).unwrap(),
+            stiffnesses_n_m: vec![1e5, 3e5],
+            sampling_times_s: vec![0.004, 0.00025],
+            instants: 16,
+        };
+        let cell = |sampling_time_s, stiffness_n_m, speed_m_s, unsafe_m_s| Cell {
+            sampling_time_s,
+            stiffness_n_m,
+            speed_m_s,
+            unsafe_m_s,
+            limited_by: "contact lost".to_owned(),
+            lowered: false,
+        };
+        let cells = vec![
+            cell(0.00025, 1e5, Some(1.23), None),
+            cell(0.00025, 3e5, Some(0.0), Some(0.01)),
+            cell(0.004, 3e5, None, None),
+            cell(0.004, 1e5, Some(0.456), Some(0.46)),
+        ];
+        Limits::new(Path::new("cell.toml"), &config, &question, cells)
+    }
+
+    #[test]
+    fn the_text_says_what_the_numbers_are() {
+        let text = text(&made_up());
+        for told in [
+            "cell.toml: planar 2R, law mpc",
+            "(1.3200, 0.6800, 0.0000) m",
+            "other elbow",
+            "Approach along (0.0000, -1.0000, 0.0000)",
+            "1e5 N/m *",
+            "4 ms *",
+            "0.25 ms",
+            "0.456",
+            ">= 1.23",
+            "< 0.01",
+            "contact lost",
+            "200 N on x, 200 N on y (+ 0.5 N)",
+            "90.6 % of them go into the surface",
+            "20 ms at 4 ms, but 1.25 ms at 0.25 ms",
+            "4 ms, 3e5 N/m is left out",
+        ] {
+            assert!(text.contains(told), "{told} is missing in\n{text}");
+        }
+    }
+
+    #[test]
+    fn cells_are_in_the_order_of_the_table() {
+        let json = serde_json::to_value(made_up()).unwrap();
+        let speeds: Vec<Option<f64>> =
+            json["cells"].as_array().unwrap().iter().map(|cell| cell["speed_m_s"].as_f64()).collect();
+        assert_eq!(speeds, [Some(0.456), None, Some(1.23), Some(0.0)]);
+    }
+}
