@@ -6,7 +6,7 @@ use std::any::Any;
 use admittance_core::condensation::Capacity;
 use admittance_core::controller::{Controller, Event};
 use admittance_core::mode::{Mode, StopReason};
-use admittance_core::outcome::Outcome;
+use admittance_core::outcome::{Counters, Outcome};
 use admittance_core::parameters::Parameters;
 use admittance_core::plan::nanoseconds;
 use admittance_core::sample::SampleFault;
@@ -60,6 +60,12 @@ pub trait Cycle {
 
     /// The mode.
     fn mode(&self) -> Mode;
+
+    /// Where the surface is believed to be; see [`Controller::contact_point`].
+    fn contact_point(&self) -> [f64; 3];
+
+    /// Running counts; see [`Controller::counters`].
+    fn counters(&self) -> Counters;
 
     /// Goes on where `old` is, with this controller's parameters. False when `old` is for another arm.
     fn take_over(&mut self, old: &dyn Cycle) -> bool;
@@ -144,6 +150,14 @@ impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
 
     fn mode(&self) -> Mode {
         self.controller.mode()
+    }
+
+    fn contact_point(&self) -> [f64; 3] {
+        (*self.controller.contact_point()).into()
+    }
+
+    fn counters(&self) -> Counters {
+        self.controller.counters()
     }
 
     fn take_over(&mut self, old: &dyn Cycle) -> bool {

@@ -306,6 +306,14 @@ mod tests {
             Mode::Contact
         }
 
+        fn contact_point(&self) -> [f64; 3] {
+            [0.0; 3]
+        }
+
+        fn counters(&self) -> admittance_core::outcome::Counters {
+            admittance_core::outcome::Counters::default()
+        }
+
         fn take_over(&mut self, _: &dyn Cycle) -> bool {
             false
         }

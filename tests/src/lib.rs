@@ -6,6 +6,7 @@
 
 mod binaries;
 mod child;
+pub mod closed_loop;
 mod needs;
 mod private_ipc;
 pub mod session;

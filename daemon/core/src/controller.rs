@@ -12,7 +12,7 @@ use crate::horizon::Horizon;
 use crate::mode::{Mode, StopReason, Transition};
 use crate::optimization::Optimized;
 use crate::outcome::{Counters, Motion, Outcome, Source};
-use crate::parameters::{ContactPoint, Law, OnContactLost, OnInfeasible, ParameterError, Parameters};
+use crate::parameters::{ContactPoint, Law, LowerBound, OnContactLost, OnInfeasible, ParameterError, Parameters};
 use crate::plan::{Plan, nanoseconds};
 use crate::qp::QpSolver;
 use crate::robot::{InverseJacobian, Kinematics, Singular, right_inverse};
@@ -127,6 +127,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self.counters
     }
 
+    /// Where the surface is believed to be, base frame, m: the configured point, or what the samples so far say.
+    pub fn contact_point(&self) -> &nalgebra::Vector3<f64> {
+        &self.parameters.environment.contact.position
+    }
+
     /// Samples that never arrived, and samples at irregular spacing.
     pub fn history(&self) -> &SampleHistory {
         &self.history
@@ -212,7 +217,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         if self.mode != Mode::Stopping {
             let was_held = self.mode == Mode::Contact && self.should_keep_contact(sample);
             let transition = if self.contact.is_any() { Transition::Touch } else { Transition::Release };
+            let was_in_contact = self.mode == Mode::Contact;
             self.mode = self.mode.after(transition);
+            if was_in_contact && self.mode == Mode::Free {
+                self.settle_offset();
+            }
             if was_held && self.mode == Mode::Free {
                 self.counters.contacts_lost += 1;
                 if self.parameters.mpc.on_contact_lost == OnContactLost::Stop {
@@ -243,6 +252,18 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             Mode::Stopping => self.stop(sample, &pose, expired),
             Mode::Contact if self.parameters.law == Law::Mpc => self.control(sample, &pose, expired),
             _ => self.without_prediction(sample, &pose),
+        }
+    }
+
+    /// The ramp of a released axis starts from where its plan was to end, not from what one cycle was to do on the way there.
+    fn settle_offset(&mut self) {
+        // With a limit on its rate the offset may not jump; and the paper's ramp starts from the last offset.
+        let parameters = &self.parameters;
+        let may_jump = parameters.limits.inward_rate.is_none() && parameters.mpc.lower_bound == LowerBound::OnceReached;
+        let Some(last) = self.plan.last().filter(|_| self.planned && may_jump) else { return };
+        for axis in 0..D {
+            let (low, high) = (self.offset[axis].min(0.0), self.offset[axis].max(0.0));
+            self.offset[axis] = last[axis].clamp(low, high);
         }
     }
 

@@ -31,10 +31,11 @@ impl<const D: usize> Environment<D> {
         -self.normal.dot(wrench)
     }
 
-    /// Force in N with which a TCP at `pose` presses: k times its depth below the surface, 0 above it.
+    /// Force in N with which the spring says that a TCP at `pose` presses: k times its depth below the surface, which is negative
+    /// above it.
     pub fn spring_force(&self, pose: &Pose) -> f64 {
         let indentation = pose.difference::<D>(&self.contact);
-        self.pressing_force(&(self.stiffness * indentation)).max(0.0)
+        self.pressing_force(&(self.stiffness * indentation))
     }
 
     /// Speed in m/s of a twist out of the surface: nᵀṗ, negative when approaching.

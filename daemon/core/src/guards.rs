@@ -48,8 +48,16 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
 
     /// Why this sample's force stops the arm.
     pub(crate) fn guard(&mut self, sample: &Sample<N, D>, pose: &Pose<N, D>) -> Option<StopReason> {
-        let (mpc, guards) = (&self.parameters.mpc, self.parameters.guards);
-        let thresholds = &self.parameters.thresholds;
+        let guards = self.parameters.guards;
+        let pressing = self.parameters.environment.pressing_force(&sample.wrench);
+        let is_known = self.contact.is_any() || self.parameters.contact_point == ContactPoint::Configured;
+        let force = self.parameters.environment.spring_force(&pose.kinematics.pose);
+        let measured = (!is_known).then_some(pressing);
+        self.expected.follow(sample.stamp, force.max(0.0), self.wrench_lag(), measured);
+        if matches!(self.stop_reason, Some(StopReason::MeasuredForce | StopReason::ModelDisagrees)) {
+            self.believe(pressing, force);
+        }
+        let (mpc, thresholds) = (&self.parameters.mpc, &self.parameters.thresholds);
         if let Some(beyond) = guards.force {
             let is_beyond =
                 |axis: usize| thresholds.admittance[axis] && sample.wrench[axis].abs() > mpc.force_limit[axis] + beyond;
@@ -58,18 +66,27 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             }
         }
         // Friction may turn the sign of one axis, never that of the force along the normal.
-        let pressing = self.parameters.environment.pressing_force(&sample.wrench);
         let felt = self.surface_signs.axes(&thresholds.admittance).map(|axis| thresholds.activation[axis]);
         let pulls = pressing < -felt.fold(f64::INFINITY, f64::min);
         if mpc.sign == ContactSign::Normal && self.mode == Mode::Free && pulls {
             return Some(StopReason::ModelDisagrees);
         }
-        let is_known = self.contact.is_any() || self.parameters.contact_point == ContactPoint::Configured;
-        let force = self.parameters.environment.spring_force(&pose.kinematics.pose);
-        self.expected.follow(sample.stamp, force, self.wrench_lag(), (!is_known).then_some(pressing));
         let is_off = guards.mismatch.is_some_and(|most| (pressing - self.expected.pressing).abs() > most);
         self.mismatches = if is_off && self.mode == Mode::Contact { self.mismatches + 1 } else { 0 };
         (self.mismatches > 0 && self.mismatches >= guards.mismatch_cycles).then_some(StopReason::ModelDisagrees)
+    }
+
+    /// Moves the contact point to where the measured pressing force says that it is: a stop that the model's error led to must
+    /// not trust that model, which says that the spring presses with `force` (N, below 0 above the surface).
+    fn believe(&mut self, pressing: f64, force: f64) {
+        let environment = &mut self.parameters.environment;
+        let stiffness = environment.normal.dot(&(environment.stiffness * environment.normal));
+        // At least what f̂ shows, which lags behind; then what it shows beyond what it should.
+        let missing = if pressing > force { pressing - force } else { pressing - self.expected.pressing };
+        for axis in 0..D.min(3) {
+            environment.contact.position[axis] += missing / stiffness * environment.normal[axis];
+        }
+        (self.expected.pressing, self.expected.force) = (pressing, force + missing);
     }
 
     /// T_est of the axes that feel the surface, in s.

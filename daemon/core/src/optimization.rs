@@ -161,6 +161,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         // A spring that pulls would hold back a TCP that is to leave, and an estimate that fades one that is to come back: where
         // nothing presses that should, the force costs nothing.
         let is_soft = mpc.lower_bound == LowerBound::OnceReached;
+        // What holds the contact, holds it at its force: the part of ṗ0 into the surface would only bias that.
+        let inward = self.parameters.environment.outward_speed(&sample.twist_reference).min(0.0);
+        let taken_out = if is_soft && holds { inward } else { 0.0 };
+        let wanted = sample.twist_reference - self.parameters.environment.normal * taken_out;
         let wrench_axes = if is_soft && !holds { InputAxes::none() } else { InputAxes::from_mask(&active) };
         let prediction = Prediction {
             initial: start.state,
@@ -171,7 +175,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             constraints: self.constraints(bounds, &SVector::zeros(), sample),
             set_point: SetPoint {
                 joint_position: sample.joint_position_reference,
-                joint_velocity: pose.inverse.joint_velocity(&sample.twist_reference),
+                joint_velocity: pose.inverse.joint_velocity(&wanted),
                 wrench: self.parameters.environment.normal * -mpc.normal_force_reference,
             },
             weights: &mpc.weights,

@@ -6,6 +6,9 @@ use nalgebra::SVector;
 /// Largest number of steps.
 pub const MAX_STEPS: usize = 32;
 
+/// Part of a limit by which an offset at it may be off for rounding.
+const ROUNDING: f64 = 1e-9;
+
 /// Offsets from the instant at which the command acts onward.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plan<const D: usize> {
@@ -52,13 +55,19 @@ impl<const D: usize> Plan<D> {
         Some(self.offsets[step.unwrap_or(last)])
     }
 
-    /// Cuts every offset to ±`limit` per axis; says whether it had to.
+    /// The offset of the last step.
+    pub fn last(&self) -> Option<SVector<f64, D>> {
+        Some(self.offsets[self.len.checked_sub(1)?])
+    }
+
+    /// Cuts every offset to ±`limit` per axis; says whether it had to, beyond rounding.
     pub fn limit(&mut self, limit: &SVector<f64, D>) -> bool {
         let mut cut = false;
         for offset in &mut self.offsets[..self.len] {
             for axis in 0..D {
                 let limited = offset[axis].clamp(-limit[axis], limit[axis]);
-                cut |= limited != offset[axis];
+                // A plan that just keeps the limit as a constraint may miss it by a rounding.
+                cut |= (limited - offset[axis]).abs() > ROUNDING * limit[axis] || offset[axis].is_nan();
                 offset[axis] = limited;
             }
         }

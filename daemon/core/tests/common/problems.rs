@@ -108,7 +108,7 @@ pub(crate) fn cases() -> Vec<Case> {
             for steps in [&UNIFORM[..], &UNEVEN[..]] {
                 for estimate in [0.020, 0.0] {
                     // At ease; pressing near f_max and still going in; hardly touching and leaving.
-                    for (force, speed, moving) in [(60.0, 0.05, 0.0), (205.0, 0.04, 0.3), (12.0, -0.03, 0.3)] {
+                    for (force, speed, moving) in [(60.0, 0.05, 0.0), (205.0, 0.08, 0.3), (12.0, -0.03, 0.3)] {
                         for discretization in DISCRETIZATIONS {
                             cases.push(Case { discretization, axes, weights, steps, estimate, force, speed, moving });
                         }

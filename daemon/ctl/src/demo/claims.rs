@@ -59,7 +59,7 @@ mod tests {
             row("damping-low", 219.0, 0),
             row("damping-high", 500.0, 0),
             row("mpc-paper", 200.1, 0),
-            row("mpc-task-space", 100.0, 1),
+            row("mpc-default", 100.0, 1),
             row("mpc-paper", f64::NAN, 0),
             row("mpc-paper", 0.0, 0),
         ];

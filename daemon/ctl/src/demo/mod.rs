@@ -56,9 +56,9 @@ pub(crate) const CONTROLLERS: [Controller; 4] = [
         config: include_str!("../../../../deploy/demo/mpc-paper.toml"),
     },
     Controller {
-        name: "mpc-task-space",
-        title: "MPC, task-space weights",
-        config: include_str!("../../../../deploy/demo/mpc-task-space.toml"),
+        name: "mpc-default",
+        title: "MPC, default profile",
+        config: include_str!("../../../../deploy/demo/mpc-default.toml"),
     },
 ];
 

@@ -1,0 +1,262 @@
+//! The daemon's cycle against the plant in virtual time, sample by sample: no clock, no process, every sample recorded.
+
+use admittance_core::outcome::Counters;
+use admittance_host::config::parse;
+use admittanced::config::Config;
+use admittanced::cycle::{self, Cycle, CycleReport};
+use ipc_types::{CommandSample, Mode, StateSample, StopReason, TruthSample, Verdict};
+use plant_sim::run::VirtualRun;
+use plant_sim::scenario::{MotionSection, Scenario};
+
+use crate::session::PAPER_SCENARIO;
+
+/// The default profile for the paper's arm.
+pub const MPC_DEFAULT: &str = include_str!("../../deploy/demo/mpc-default.toml");
+
+/// The outward normal of the paper's surface, x and y.
+pub const NORMAL: [f64; 2] = [0.42261826174069944, 0.9063077870366499];
+
+/// Time in s at the end of a run over which settled values are means.
+const SETTLED_S: f64 = 0.1;
+
+/// A controller and the plant that it is run against.
+#[derive(Debug, Clone)]
+pub struct Experiment {
+    /// The controller's file.
+    pub config: Config,
+    /// The plant's file.
+    pub scenario: Scenario,
+}
+
+impl Experiment {
+    /// The default profile on the paper's arm and surface: T_s (s), the speed (m/s) of the paper's motion, straight down. First
+    /// contact 0.2 s after the start, the run 1 s.
+    pub fn paper(sampling_time: f64, speed: f64) -> Self {
+        Self::new(MPC_DEFAULT, PAPER_SCENARIO, sampling_time).with_motion(&[(1.0, &[0.0, -speed])])
+    }
+
+    /// From the text of both files, at T_s = `sampling_time` (s), without command delay.
+    ///
+    /// # Panics
+    /// When a file is not valid.
+    pub fn new(config: &str, scenario: &str, sampling_time: f64) -> Self {
+        let mut config: Config = parse(config, "controller.toml").expect("the config is valid");
+        let mut scenario: Scenario = parse(scenario, "scenario.toml").expect("the scenario is valid");
+        config.control.sampling_time_s = sampling_time;
+        config.control.answer_budget_s = sampling_time / 2.0;
+        config.control.max_sample_age_s = 3.0 * sampling_time;
+        config.control.spin_s = sampling_time / 4.0;
+        scenario.timing.sampling_time_s = sampling_time;
+        scenario.timing.settle_s = 0.05;
+        scenario.start.contact_time_s = Some(0.2);
+        scenario.noise.wrench = 0.0;
+        Self { config, scenario }.with_delay(0.0)
+    }
+
+    /// The same with phases of (duration in s, ṗ0).
+    #[must_use]
+    pub fn with_motion(mut self, phases: &[(f64, &[f64])]) -> Self {
+        let section =
+            |(duration_s, twist): &(f64, &[f64])| MotionSection { duration_s: *duration_s, twist: twist.to_vec() };
+        self.scenario.motion = phases.iter().map(section).collect();
+        self
+    }
+
+    /// The same with a command delay in s, which both sides know.
+    #[must_use]
+    pub fn with_delay(mut self, delay: f64) -> Self {
+        self.config.control.command_delay_s = delay;
+        self.scenario.timing.command_delay_s = delay;
+        self
+    }
+
+    /// The same with this wrench estimate time constant in s on both sides.
+    #[must_use]
+    pub fn with_wrench_lag(mut self, lag: f64) -> Self {
+        self.config.contact.wrench_time_constant_s.fill(lag);
+        self.scenario.wrench.time_constant_s.fill(lag);
+        self
+    }
+
+    /// The same with a surface of this outward normal on both sides.
+    #[must_use]
+    pub fn with_normal(mut self, normal: [f64; 3]) -> Self {
+        self.config.environment.surface_normal = normal;
+        self.scenario.surface.as_mut().expect("a surface").normal = normal;
+        self
+    }
+
+    /// The same with the first contact at this share of a sample.
+    #[must_use]
+    pub fn at_instant(mut self, share: f64) -> Self {
+        self.scenario.start.contact_phase = share;
+        self
+    }
+
+    /// Runs to the end of the motion.
+    pub fn run(&self) -> Run {
+        self.run_with(|_, _| {})
+    }
+
+    /// Runs to the end of the motion; `before` sees the controller and every sample before it is answered.
+    ///
+    /// # Panics
+    /// When config or scenario cannot be set up, or the plant refuses a command.
+    pub fn run_with(&self, mut before: impl FnMut(&mut dyn Cycle, &StateSample)) -> Run {
+        let mut cycle = cycle::build(&self.config).expect("the config describes a controller");
+        let mut plant = VirtualRun::new(&self.scenario).expect("the scenario can be set up");
+        let mut command = CommandSample::zeroed();
+        let mut instants = Vec::new();
+        while !plant.is_finished() {
+            let state = *plant.sample().expect("no fault drops samples");
+            before(cycle.as_mut(), &state);
+            let report = cycle.answer(&state, state.stamp_ns, &mut || false, &mut command);
+            command.sequence += 1;
+            let truth = plant.advance(Some(&command)).expect("the plant takes every command");
+            let contact_point = cycle.contact_point();
+            instants.push(Instant { state, command, report, truth, contact_point });
+        }
+        let normal = self.scenario.surface.as_ref().map_or([0.0; 3], |surface| surface.normal);
+        Run { instants, counters: cycle.counters(), normal, sampling_time: self.scenario.timing.sampling_time_s }
+    }
+
+    /// Runs `count` instants of contact, evenly over a sample.
+    pub fn at_instants(&self, count: u32, mut each: impl FnMut(f64, &Run)) {
+        for instant in 0..count {
+            let share = f64::from(instant) / f64::from(count);
+            each(share, &self.clone().at_instant(share).run());
+        }
+    }
+}
+
+/// One cycle of a run.
+#[derive(Debug, Clone)]
+pub struct Instant {
+    /// The sample.
+    pub state: StateSample,
+    /// Its answer.
+    pub command: CommandSample,
+    /// What the cycle says besides.
+    pub report: CycleReport,
+    /// What was true at the instant of the sample.
+    pub truth: TruthSample,
+    /// Where the controller believes the surface to be, m.
+    pub contact_point: [f64; 3],
+}
+
+impl Instant {
+    /// Scenario time in s.
+    pub fn time(&self) -> f64 {
+        self.truth.scenario_time_s
+    }
+
+    /// Whether the mode after this cycle is `mode`.
+    pub fn is_in(&self, mode: Mode) -> bool {
+        self.command.mode == mode.code()
+    }
+
+    /// Inputs of the plan as (offset, length in s).
+    pub fn plan(&self) -> impl Iterator<Item = ([f64; 6], f64)> {
+        let mut begun = 0;
+        (0..self.command.plan_length as usize).map(move |step| {
+            let length = (self.command.plan_end_ns[step] - begun) as f64 * 1e-9;
+            begun = self.command.plan_end_ns[step];
+            (self.command.planned_offset[step], length)
+        })
+    }
+}
+
+/// A run, all of it.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// Every cycle.
+    pub instants: Vec<Instant>,
+    /// The controller's counts at the end.
+    pub counters: Counters,
+    normal: [f64; 3],
+    sampling_time: f64,
+}
+
+impl Run {
+    /// The last cycle.
+    ///
+    /// # Panics
+    /// When there is none.
+    pub fn last(&self) -> &Instant {
+        self.instants.last().expect("a run has cycles")
+    }
+
+    /// Largest true |f| on this axis in N, between samples as well.
+    pub fn peak(&self, axis: usize) -> f64 {
+        self.instants.iter().map(|at| at.truth.peak_wrench[axis].abs()).fold(0.0, f64::max)
+    }
+
+    /// Largest true force along the normal in N, between samples as well.
+    pub fn peak_normal(&self) -> f64 {
+        self.instants.iter().map(|at| at.truth.peak_normal_force_n).fold(0.0, f64::max)
+    }
+
+    /// Times that contact ended.
+    pub fn losses(&self) -> u32 {
+        self.last().truth.contact_losses
+    }
+
+    /// Cycles with the verdict infeasible.
+    pub fn infeasible(&self) -> usize {
+        self.instants.iter().filter(|at| at.command.verdict == Verdict::Infeasible.code()).count()
+    }
+
+    /// The first stop reason of the run that is not `None`.
+    pub fn stop_reason(&self) -> Option<u32> {
+        let reason = |at: &Instant| Some(at.command.stop_reason).filter(|reason| *reason != StopReason::None.code());
+        self.instants.iter().find_map(reason)
+    }
+
+    /// Whether some cycle was in contact.
+    pub fn touched(&self) -> bool {
+        self.instants.iter().any(|at| at.is_in(Mode::Contact))
+    }
+
+    /// Most iterations of a cycle.
+    pub fn iterations(&self) -> u32 {
+        self.instants.iter().map(|at| at.report.iterations).max().unwrap_or(0)
+    }
+
+    /// Longest plan.
+    pub fn steps(&self) -> u32 {
+        self.instants.iter().map(|at| at.command.plan_length).max().unwrap_or(0)
+    }
+
+    /// Cycles in which the offset was cut after the law.
+    pub fn limited(&self) -> usize {
+        self.instants.iter().filter(|at| at.report.limited).count()
+    }
+
+    /// Mean of `value` over the last tenth of a second of the motion; the last sample of a run is the one after it.
+    pub fn settled(&self, value: impl Fn(&Instant) -> f64) -> f64 {
+        let end = self.instants.len() - 1;
+        let count = ((SETTLED_S / self.sampling_time) as usize).min(end);
+        self.instants[end - count..end].iter().map(value).sum::<f64>() / count as f64
+    }
+
+    /// Mean true force along the normal over the last tenth of a second, N.
+    pub fn settled_normal(&self) -> f64 {
+        self.settled(|at| at.truth.normal_force_n)
+    }
+
+    /// True speed along the surface over the commanded one, over the last tenth of a second.
+    pub fn tangential_share(&self) -> f64 {
+        let along = |twist: &[f64; 6]| {
+            let normal = &self.normal;
+            let square: f64 = normal.iter().map(|n| n * n).sum();
+            let out: f64 = normal.iter().zip(twist).map(|(n, v)| n * v).sum();
+            std::array::from_fn::<f64, 3, _>(|axis| twist[axis] - normal[axis] * out / square)
+        };
+        let share = |at: &Instant| {
+            let (real, commanded) = (along(&at.truth.tcp_twist), along(&at.state.twist_reference));
+            let product: f64 = real.iter().zip(commanded).map(|(a, b)| a * b).sum();
+            product / commanded.iter().map(|v| v * v).sum::<f64>()
+        };
+        self.settled(share)
+    }
+}
