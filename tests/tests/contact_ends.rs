@@ -64,10 +64,9 @@ fn lifted_off(run: &Run, speed: f64, at: &str) {
     let (last, commanded) = (run.last(), outward(speed));
     assert!(last.is_in(Mode::Free), "{at}: mode {}", last.command.mode);
     assert_eq!(last.command.velocity_offset, [0.0; 6], "{at}");
-    for axis in 0..2 {
-        let speed = last.truth.tcp_twist[axis];
+    for (speed, commanded) in last.truth.tcp_twist.into_iter().zip(commanded).take(2) {
         // The joints lag behind a pose that changes: some percent at the fastest.
-        assert!((speed - commanded[axis]).abs() < 2e-3 + 0.06 * commanded[axis], "{at}: axis {axis} moves at {speed}");
+        assert!((speed - commanded).abs() < 2e-3 + 0.06 * commanded, "{at}: moves at {speed}, not {commanded} m/s");
     }
     assert!(last.truth.penetration_m < -0.001, "{at}: still {} m deep", last.truth.penetration_m);
     // Nothing pulls it back on the way: the contact ends once.

@@ -189,6 +189,13 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
         horizon
     }
 
+    /// The same horizon with the cost (18a) to the letter: every step counts once, whatever its length.
+    #[must_use]
+    pub fn counting_steps(mut self) -> Self {
+        self.shares = [1.0; MAX_STEPS];
+        self
+    }
+
     /// The steps.
     pub fn steps(&self) -> &[Step<N, D>] {
         &self.steps[..self.len]

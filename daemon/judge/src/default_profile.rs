@@ -180,7 +180,9 @@ fn empty_sequence<const N: usize, const M: usize>(approach: &Approach<N>) -> Seq
             inside,
             &approach.velocity_time_constant,
             &SVector::repeat(WRENCH_TIME_CONSTANT),
-        ),
+        )
+        // Early steps weigh more than their time: harder impacts for the solver.
+        .counting_steps(),
         inputs: InputAxes::from_mask(&std::array::from_fn(|axis| axis < M)),
         wrench_axes: InputAxes::from_mask(&std::array::from_fn(|axis| axis < M.min(3))),
         weights: Weights::Task { position: SVector::zeros(), velocity: by_axis(1.0, 0.1), wrench: by_axis(1e-8, 0.0) },
