@@ -12,10 +12,10 @@ use wide::f64x4;
 
 use super::responses::Responses;
 use super::rows::MpcRows;
-use super::short::array;
+use super::short::{Matrix, Short, array};
 use super::{SLACK_CURVATURE, SLACK_UNIT};
 use crate::cost::Weights;
-use crate::qp::{LANES, padded};
+use crate::qp::{CACHE_LINE, LANES, padded};
 
 /// Some columns of one row.
 type Group = [f64; LANES];
@@ -33,7 +33,7 @@ pub(super) const fn panels_len<const N: usize, const D: usize>(steps: usize) -> 
 /// A panel of K outputs at the start of `storage`, and what is left of that.
 fn panel<const K: usize>(storage: &mut [f64], groups: usize) -> (&mut [[Group; K]], &mut [f64]) {
     let (panel, rest) = storage.split_at_mut(groups * K * LANES);
-    (panel.as_chunks_mut().0.as_chunks_mut().0, rest)
+    (&mut panel.as_chunks_mut().0.as_chunks_mut().0[..groups], rest)
 }
 
 /// The outputs' entries in a column.
@@ -77,11 +77,11 @@ impl<'a, const K: usize> Terms<'a, K> {
     }
 }
 
-/// row ← what is shifted into it, or itself, plus the terms.
+/// row ← start, or itself, plus the terms.
 #[inline(always)]
 fn add<const A: usize, const B: usize>(
     row: &mut [Group],
-    shifted: Option<&[Group]>,
+    start: Option<&[Group]>,
     left: &Terms<'_, A>,
     right: &Terms<'_, B>,
 ) {
@@ -93,15 +93,16 @@ fn add<const A: usize, const B: usize>(
             total = by_left[t].mul_add(f64x4::new(left[t]), total);
         }
         for t in 0..B {
-            other = by_right[t].mul_add(f64x4::new(right[t]), other);
+            let right = f64x4::new(right[t]);
+            other = if t > 0 { by_right[t].mul_add(right, other) } else { by_right[t] * right };
         }
         if B > 0 { (total + other).to_array() } else { total.to_array() }
     };
     let terms = left.panel.iter().zip(right.panel);
-    match shifted {
-        Some(shifted) => {
-            for ((value, shifted), (left, right)) in row.iter_mut().zip(shifted).zip(terms) {
-                *value = sum(*shifted, left, right);
+    match start {
+        Some(start) => {
+            for ((value, start), (left, right)) in row.iter_mut().zip(start).zip(terms) {
+                *value = sum(*start, left, right);
             }
         }
         None => {
@@ -112,69 +113,77 @@ fn add<const A: usize, const B: usize>(
     }
 }
 
-/// H while it is written.
-struct Triangle<'a> {
+/// Numbers that stand before H, in whole cache lines: over even steps, where every row starts as the one M above it, one
+/// column earlier for each, the rows −M to −1 that the first ones start as.
+pub(super) const fn margin_len(inputs: usize, stride: usize) -> usize {
+    (inputs * (stride + 1)).next_multiple_of(CACHE_LINE)
+}
+
+/// H while it is written, behind its margin.
+struct Triangle<'a, const M: usize> {
     values: &'a mut [f64],
     stride: usize,
-    is_even: bool,
+    margin: usize,
+    /// Groups of columns.
+    groups: usize,
 }
 
-impl Triangle<'_> {
-    /// Row `index` from the group of its diagonal on.
+impl<'a, const M: usize> Triangle<'a, M> {
+    /// Before the first term: over even steps R in the margin, from where it moves down the diagonal; over uneven ones R in H,
+    /// times the shares of the steps.
     #[inline(always)]
-    fn row(&mut self, index: usize) -> &mut [Group] {
-        let first = index / LANES * LANES;
-        self.values[index * self.stride + first..(index + 1) * self.stride].as_chunks_mut().0
+    fn new<const N: usize, const D: usize>(
+        rows: &MpcRows<'_, N, D, M>,
+        values: &'a mut [f64],
+        stride: usize,
+        is_even: bool,
+    ) -> Self {
+        let (prediction, steps) = (rows.prediction, rows.horizon.steps().len());
+        let (n, margin) = (M * steps, margin_len(M, stride));
+        let weight: [f64; M] = core::array::from_fn(|a| prediction.input_weight[prediction.inputs.as_slice()[a]]);
+        if is_even {
+            let first = margin - M * (stride + 1);
+            values[..margin].fill(0.0);
+            for a in 0..M {
+                values[first + a * (stride + 1)] = weight[a];
+            }
+        } else {
+            values[margin..margin + n * stride].fill(0.0);
+            for index in 0..n {
+                let share = rows.horizon.share(steps - 1 - index / M);
+                values[margin + index * (stride + 1)] = weight[index % M] * share;
+            }
+        }
+        Self { values, stride, margin, groups: n.div_ceil(LANES) }
     }
 
-    /// Row `index`, and what is to be shifted into it, M variables to the right and down; where that is nothing, the row
-    /// starts as it should.
+    /// Row `index` from the group of its diagonal on; and where it starts from over even steps, the row M above it, M columns
+    /// further left.
     #[inline(always)]
-    fn start_row<const M: usize>(&mut self, index: usize) -> (&mut [Group], Option<&[Group]>) {
-        let (first, stride) = (index / LANES * LANES, self.stride);
-        if index < M || !self.is_even {
-            let row = self.row(index);
-            row.fill([0.0; LANES]);
-            return (row, None);
-        }
-        let (above, here) = self.values.split_at_mut(index * stride);
-        let row = here[first..stride].as_chunks_mut().0;
-        let before = (index - M) * stride + first;
-        if before < M {
-            // What would be shifted begins before H does: left of the diagonal, where nothing is needed.
-            let skipped = M - before;
-            row.as_flattened_mut()[skipped..].copy_from_slice(&above[..stride - first - skipped]);
-            return (row, None);
-        }
-        (row, Some(above[before - M..before - M + stride - first].as_chunks().0))
+    fn row(&mut self, index: usize) -> (&mut [Group], &[Group]) {
+        let first = index / LANES;
+        let at = self.margin + index * self.stride + first * LANES;
+        let (above, here) = self.values.split_at_mut(at);
+        let start = &above[at - M * (self.stride + 1)..];
+        let count = self.groups - first;
+        (&mut here.as_chunks_mut().0[..count], &start.as_chunks().0[..count])
     }
 }
 
-/// The responses of K outputs of the joints, with one input a column: Σ_joint of a joint's response times these.
-struct Spread<const N: usize, const K: usize, const M: usize>([[[f64; M]; K]; N]);
+/// For each of K outputs, what it makes of the joints' responses, by input axis.
+struct Spread<const N: usize, const K: usize, const M: usize>([Matrix<M, N>; K]);
 
 impl<const N: usize, const K: usize, const M: usize> Spread<N, K, M> {
     /// For outputs with the given gradients over the joints.
     #[inline(always)]
-    fn new<const D: usize>(rows: &MpcRows<'_, N, D, M>, gradient: impl Fn(usize, usize) -> f64) -> Self {
-        Self(core::array::from_fn(|joint| {
-            core::array::from_fn(|output| rows.inputs.rows[joint].map(|column| gradient(output, joint) * column))
-        }))
+    fn new<const D: usize>(rows: &MpcRows<'_, N, D, M>, gradients: [[f64; N]; K]) -> Self {
+        Self(gradients.map(|gradient| Matrix::of_rows(rows.inputs.columns.map(|column| product(&gradient, &column)))))
     }
 
     /// The outputs, by output and input axis, where the joints have responded like this to each output.
     #[inline(always)]
     fn of<'r>(&self, responses: impl Fn(usize) -> &'r [f64; N]) -> [[f64; M]; K] {
-        let mut sums = [[0.0; M]; K];
-        for (output, sums) in sums.iter_mut().enumerate() {
-            let responses = responses(output);
-            for joint in 0..N {
-                for (sum, by_joint) in sums.iter_mut().zip(&self.0[joint][output]) {
-                    *sum += responses[joint] * by_joint;
-                }
-            }
-        }
-        sums
+        core::array::from_fn(|output| self.0[output].times(Short::new(responses(output))).array())
     }
 
     /// Writes the outputs of columns of steps from `first` on, with what `responses` gives for one of them.
@@ -212,9 +221,9 @@ impl<'a, const N: usize, const M: usize> WrenchOutputs<'a, N, M> {
         let (Weights::Joint { wrench, .. } | Weights::Task { wrench, .. }) = prediction.weights;
         let axes = prediction.wrench_axes.as_slice();
         let gradients = &rows.model.wrench_gradient.data.0;
-        let gradient = |output: usize, joint: usize| axes.get(output).map_or(0.0, |&axis| gradients[axis][joint]);
+        let gradients = core::array::from_fn(|output| axes.get(output).map_or([0.0; N], |&axis| gradients[axis]));
         let weight = core::array::from_fn(|output| axes.get(output).map_or(0.0, |&axis| wrench[axis]));
-        Self { axes, weight, weight_here: weight, spread: Spread::new(rows, gradient), estimates }
+        Self { axes, weight, weight_here: weight, spread: Spread::new(rows, gradients), estimates }
     }
 
     /// At the end of step `step`, which inputs from the column of steps `first` on reach and which counts by `share`.
@@ -257,8 +266,8 @@ impl<const N: usize, const D: usize, const M: usize> TcpOutputs<'_, N, D, M> {
 
     /// Adds these outputs and the wrench estimates to a row.
     #[inline(always)]
-    fn add_to(&self, row: &mut [Group], shifted: Option<&[Group]>, wrench: &WrenchOutputs<'_, N, M>, index: usize) {
-        add(row, shifted, &wrench.terms(index), &Terms::squared(self.velocities, index, &self.velocity_weight));
+    fn add_to(&self, row: &mut [Group], start: Option<&[Group]>, wrench: &WrenchOutputs<'_, N, M>, index: usize) {
+        add(row, start, &wrench.terms(index), &Terms::squared(self.velocities, index, &self.velocity_weight));
         if self.has_position {
             add(row, None, &Terms::squared(self.positions, index, &self.position_weight), &NOTHING);
         }
@@ -296,8 +305,6 @@ fn write_joints<const N: usize, const M: usize>(
 }
 
 /// Writes the upper triangle.
-// Apart from its neighbours: in one function they would share too few registers.
-#[inline(never)]
 pub(super) fn write<const N: usize, const D: usize, const M: usize>(
     responses: &Responses<'_, N, D>,
     rows: &MpcRows<'_, N, D, M>,
@@ -305,21 +312,37 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
     stride: usize,
     scratch: &mut [f64],
 ) {
-    let (horizon, prediction) = (rows.horizon, rows.prediction);
-    let (steps, is_even) = (horizon.steps(), horizon.is_even());
-    let (last, n, groups) = (steps.len() - 1, M * steps.len(), stride / LANES);
+    if rows.horizon.is_even() {
+        write_over::<N, D, M, true>(responses, rows, hessian, stride, scratch);
+    } else {
+        write_over::<N, D, M, false>(responses, rows, hessian, stride, scratch);
+    }
+}
+
+/// Writes it over even or uneven steps.
+// Apart from its neighbours: in one function they would share too few registers.
+#[inline(never)]
+fn write_over<const N: usize, const D: usize, const M: usize, const EVEN: bool>(
+    responses: &Responses<'_, N, D>,
+    rows: &MpcRows<'_, N, D, M>,
+    hessian: &mut [f64],
+    stride: usize,
+    scratch: &mut [f64],
+) {
+    let (prediction, steps) = (rows.prediction, rows.horizon.steps());
+    let (last, n) = (steps.len() - 1, M * steps.len());
+    let groups = n.div_ceil(LANES);
     let (estimates, rest) = panel(scratch, groups);
     let mut wrench = WrenchOutputs::new(rows, estimates);
-    if is_even {
+    if EVEN {
         wrench.write(responses, last, 0, 1.0);
     }
-    let mut triangle = Triangle { values: hessian, stride, is_even };
+    let mut triangle = Triangle::new(rows, hessian, stride, EVEN);
     match prediction.weights {
         Weights::Joint { .. } => {
             let (joints, _) = panel(rest, steps.len().div_ceil(LANES) * M);
             let inputs = over_columns(rows);
-            for r in 0..=last {
-                let costs = responses.cost(r);
+            for (r, costs) in responses.costs().enumerate() {
                 if M > 1 {
                     write_joints(&inputs, costs, r, joints);
                 }
@@ -327,22 +350,22 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
                     let (index, column) = (r * M + a, &rows.inputs.columns[a]);
                     // With one input a step the products V V are factors of the costs themselves.
                     let cost = if M > 1 {
-                        Terms::new(joints, index, *column)
+                        Terms::new(&joints[..groups], index, *column)
                     } else {
-                        Terms::new(costs, index, product(column, column))
+                        Terms::new(&costs[..groups], index, product(column, column))
                     };
-                    let (row, shifted) = triangle.start_row::<M>(index);
-                    if is_even {
-                        add(row, shifted, &wrench.terms(index), &cost);
+                    let (row, start) = triangle.row(index);
+                    if EVEN {
+                        add(row, Some(start), &wrench.terms(index), &cost);
                     } else {
-                        add(row, shifted, &NOTHING, &cost);
+                        add(row, None, &NOTHING, &cost);
                     }
                 }
             }
-            for k in (0..=last).filter(|_| !is_even) {
-                wrench.write(responses, k, last - k, horizon.share(k));
+            for k in (0..=last).filter(|_| !EVEN) {
+                wrench.write(responses, k, last - k, rows.horizon.share(k));
                 for index in (last - k) * M..n {
-                    add(triangle.row(index), None, &wrench.terms(index), &NOTHING);
+                    add(triangle.row(index).0, None, &wrench.terms(index), &NOTHING);
                 }
             }
         }
@@ -350,50 +373,34 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
             let (velocities, rest) = panel(rest, groups);
             let (positions, _) = panel(rest, groups);
             let mut tcp = TcpOutputs {
-                spread: Spread::new(rows, |axis, joint| prediction.jacobian[(axis, joint)]),
+                spread: Spread::new(rows, Matrix::of_columns(prediction.jacobian.data.0).rows),
                 velocity_weight: *array(velocity),
                 position_weight: *array(position),
                 has_position: position.iter().any(|weight| *weight != 0.0),
                 velocities,
                 positions,
             };
-            if is_even {
+            if EVEN {
                 tcp.write(responses, last, 0);
             }
-            for index in 0..n {
-                let (row, shifted) = triangle.start_row::<M>(index);
-                if is_even {
-                    tcp.add_to(row, shifted, &wrench, index);
-                }
+            for index in (0..n).filter(|_| EVEN) {
+                let (row, start) = triangle.row(index);
+                tcp.add_to(row, Some(start), &wrench, index);
             }
-            for k in (0..=last).filter(|_| !is_even) {
-                let share = horizon.share(k);
+            for k in (0..=last).filter(|_| !EVEN) {
+                let share = rows.horizon.share(k);
                 wrench.write(responses, k, last - k, share);
                 tcp.velocity_weight = array(velocity).map(|weight| weight * share);
                 tcp.position_weight = array(position).map(|weight| weight * share);
                 tcp.write(responses, k, last - k);
                 for index in (last - k) * M..n {
-                    tcp.add_to(triangle.row(index), None, &wrench, index);
+                    tcp.add_to(triangle.row(index).0, None, &wrench, index);
                 }
             }
         }
     }
-    finish(rows, triangle.values, stride);
-}
-
-/// Adds R, and the slack's variable.
-fn finish<const N: usize, const D: usize, const M: usize>(
-    rows: &MpcRows<'_, N, D, M>,
-    hessian: &mut [f64],
-    stride: usize,
-) {
-    let (prediction, steps) = (rows.prediction, rows.horizon.steps().len());
-    let n = M * steps;
-    let weight: [f64; M] = core::array::from_fn(|a| prediction.input_weight[prediction.inputs.as_slice()[a]]);
-    for (index, row) in hessian.chunks_exact_mut(stride).enumerate().take(n) {
-        row[index] += weight[index % M] * rows.horizon.share(steps - 1 - index / M);
-    }
     if let Some((_, price)) = prediction.slack {
+        let hessian = &mut triangle.values[triangle.margin..];
         hessian.chunks_exact_mut(stride).take(n).for_each(|row| row[n] = 0.0);
         hessian[n * stride + n] = price * SLACK_UNIT * SLACK_CURVATURE;
     }

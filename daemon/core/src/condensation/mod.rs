@@ -106,6 +106,7 @@ pub struct Capacity {
     /// Variables: axes times steps, and a slack.
     pub variables: usize,
     tables: usize,
+    margin: usize,
     scratch: usize,
 }
 
@@ -116,13 +117,18 @@ impl Capacity {
         let panels = hessian::panels_len::<N, D>(steps);
         let checks = 3 * padded(variables) + MAX_ROWS;
         let trajectory = trajectory::trajectory_len::<N, D>(steps);
-        Self { variables, tables: responses::table_len::<N, D>(steps), scratch: panels.max(checks).max(trajectory) }
+        Self {
+            variables,
+            tables: responses::table_len::<N, D>(steps),
+            margin: hessian::margin_len(D, padded(variables)),
+            scratch: panels.max(checks).max(trajectory),
+        }
     }
 
     /// Number of f64 that [`Workspace::new`] wants.
     pub fn storage_len(&self) -> usize {
         let stride = padded(self.variables);
-        self.tables + stride * stride + 2 * stride + 4 * MAX_ROWS + self.scratch + ALIGNMENT
+        self.tables + self.margin + stride * stride + 2 * stride + 4 * MAX_ROWS + self.scratch + ALIGNMENT
     }
 }
 
@@ -141,6 +147,8 @@ pub struct Workspace<B> {
 pub struct Pieces<'a> {
     variables: usize,
     stride: usize,
+    /// Numbers before H that belong to it while it is written.
+    margin: usize,
     hessian: &'a mut [f64],
     gradient: &'a mut [f64],
     lower: &'a mut [f64],
@@ -181,7 +189,8 @@ impl<B: AsMut<[f64]>> Workspace<B> {
         }
         let (stride, row_stride) = (padded(variables), padded(count));
         let (tables, rest) = self.storage.as_mut()[self.offset..].split_at_mut(self.capacity.tables);
-        let (hessian, rest) = rest.split_at_mut(stride * stride);
+        let margin = hessian::margin_len(M, stride);
+        let (hessian, rest) = rest.split_at_mut(margin + stride * stride);
         let (gradient, rest) = rest.split_at_mut(stride);
         let (z, rest) = rest.split_at_mut(stride);
         let (lower, rest) = rest.split_at_mut(row_stride);
@@ -189,7 +198,7 @@ impl<B: AsMut<[f64]>> Workspace<B> {
         let (weight, rest) = rest.split_at_mut(row_stride);
         let (multipliers, scratch) = rest.split_at_mut(row_stride);
         let answer = Answer { z, multipliers, working: &mut self.working[..count] };
-        Some(Pieces { variables, stride, hessian, gradient, lower, upper, weight, scratch, tables, answer })
+        Some(Pieces { variables, stride, margin, hessian, gradient, lower, upper, weight, scratch, tables, answer })
     }
 }
 
@@ -201,7 +210,7 @@ impl Pieces<'_> {
             stride: self.stride,
             rows,
             row_count: self.answer.working.len(),
-            hessian: self.hessian,
+            hessian: &self.hessian[self.margin..],
             gradient: self.gradient,
             lower: self.lower,
             upper: self.upper,

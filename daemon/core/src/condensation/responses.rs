@@ -52,12 +52,11 @@ impl<'a, const N: usize, const D: usize> Responses<'a, N, D> {
         &self.velocity[step * self.steps..(step + 1) * self.steps]
     }
 
-    /// Joint-space cost of references in the steps of column `reversed` and of each column, per (rad/s)²: groups of columns,
-    /// of each group one joint after the other. Over an even horizon only what the last step adds to the cost of the two
-    /// columns before.
-    pub(super) fn cost(&self, reversed: usize) -> &'a [[[f64; LANES]; N]] {
-        let groups = self.steps.div_ceil(LANES);
-        &self.cost[reversed * groups..(reversed + 1) * groups]
+    /// For each column: joint-space cost of references in its steps and in those of each column, per (rad/s)²: groups of
+    /// columns, of each group one joint after the other. Over an even horizon only what the last step adds to the cost of the
+    /// two columns before.
+    pub(super) fn costs(&self) -> impl Iterator<Item = &'a [[[f64; LANES]; N]]> {
+        self.cost.chunks_exact(self.steps.div_ceil(LANES)).take(self.steps)
     }
 }
 

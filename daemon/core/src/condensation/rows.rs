@@ -9,7 +9,7 @@ use super::{Prediction, SLACK_UNIT};
 use crate::constraints::{Interval, Layout, Row, RowKind, Softened};
 use crate::horizon::Horizon;
 use crate::model::Model;
-use crate::qp::{LANES, Rows};
+use crate::qp::{LANES, Rows, fill_last_group};
 
 /// The rows of one cycle's problem with M inputs a step.
 #[derive(Debug)]
@@ -49,22 +49,17 @@ impl Bounds<'_> {
         &mut self,
         rows: Range<usize>,
         count: usize,
-        instants: impl Iterator<Item = ([f64; K], Weighted<K>)>,
+        instants: impl Iterator<Item = (Short<K>, Weighted<K>)>,
     ) {
-        let relative = instants.map(|(here, interval)| {
-            let lower: [f64; K] = core::array::from_fn(|k| interval.lower[k] - here[k]);
-            let upper: [f64; K] = core::array::from_fn(|k| interval.upper[k] - here[k]);
-            (lower, upper, interval.weight)
-        });
         let (lower, upper) = (&mut self.lower[rows.clone()], &mut self.upper[rows.clone()]);
         let weight = &mut self.weight[rows];
         let count = count.max(1);
         let places =
             lower.chunks_exact_mut(count).zip(upper.chunks_exact_mut(count)).zip(weight.chunks_exact_mut(count));
-        for (((to_lower, to_upper), to_weight), (lower, upper, weight)) in places.zip(relative) {
-            store(to_lower, &lower);
-            store(to_upper, &upper);
-            store(to_weight, &weight);
+        for (((to_lower, to_upper), to_weight), (here, interval)) in places.zip(instants) {
+            store(to_lower, &interval.lower.minus(here).array());
+            store(to_upper, &interval.upper.minus(here).array());
+            store(to_weight, &interval.weight.array());
         }
     }
 }
@@ -82,26 +77,27 @@ fn store<const K: usize>(to: &mut [f64], from: &[f64; K]) {
 /// The bounds of one section's components, in their order.
 #[derive(Clone, Copy)]
 struct Weighted<const K: usize> {
-    lower: [f64; K],
-    upper: [f64; K],
-    weight: [f64; K],
+    lower: Short<K>,
+    upper: Short<K>,
+    weight: Short<K>,
 }
 
 impl<const K: usize> Weighted<K> {
-    fn new(lower: [f64; K], upper: [f64; K]) -> Self {
-        Self { lower, upper, weight: core::array::from_fn(|k| weight(lower[k], upper[k])) }
+    fn new(lower: &[f64; K], upper: &[f64; K]) -> Self {
+        let weight = core::array::from_fn(|k| weight(lower[k], upper[k]));
+        Self { lower: Short::new(lower), upper: Short::new(upper), weight: Short::new(&weight) }
     }
 
     fn of<const D: usize>(interval: &Interval<D>, axes: &[usize]) -> Self {
         let pick = |values: &[f64; D]| core::array::from_fn(|k| axes.get(k).map_or(0.0, |&axis| values[axis]));
-        Self::new(pick(array(&interval.lower)), pick(array(&interval.upper)))
+        Self::new(&pick(array(&interval.lower)), &pick(array(&interval.upper)))
     }
 
     /// All bounds times `factor`, and the weights over it: they stay 1 over a bound.
-    fn scaled(mut self, factor: f64) -> Self {
-        self.lower.iter_mut().chain(&mut self.upper).for_each(|bound| *bound *= factor);
-        self.weight.iter_mut().for_each(|weight| *weight /= factor);
-        self
+    fn scaled(self, factor: f64) -> Self {
+        let by = Short::splat(factor);
+        let weight = Short::new(&self.weight.array().map(|weight| weight / factor));
+        Self { lower: self.lower.times(by), upper: self.upper.times(by), weight }
     }
 }
 
@@ -222,64 +218,66 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
         weight: &mut [f64],
     ) {
         let (p, c) = (self.prediction, &self.prediction.constraints);
-        let beyond = self.layout.rows();
-        lower[beyond..].fill(f64::NEG_INFINITY);
-        upper[beyond..].fill(f64::INFINITY);
-        weight[beyond..].fill(1.0);
+        // What is beyond the rows stands in the last group; the rows in it are written afterwards.
+        fill_last_group(lower, f64::NEG_INFINITY);
+        fill_last_group(upper, f64::INFINITY);
+        fill_last_group(weight, 1.0);
         let mut bounds = Bounds { lower, upper, weight };
         let steps = self.horizon.steps();
         if let Some(interval) = &c.joint_speed {
-            let interval = Weighted::new(*array(&interval.lower), *array(&interval.upper));
+            let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
             bounds.put(
                 self.rows(RowKind::JointSpeed),
                 N,
-                p.known_reference.iter().map(|here| (*array(here), interval)),
+                p.known_reference.iter().map(|here| (Short::of(here), interval)),
             );
         }
         let inputs = p.inputs.as_slice();
         if let Some(interval) = &c.offset {
             let interval = Weighted::<M>::of(interval, inputs);
-            bounds.put(self.rows(RowKind::Offset), M, steps.iter().map(|_| ([0.0; M], interval)));
+            bounds.put(self.rows(RowKind::Offset), M, steps.iter().map(|_| (Short::ZERO, interval)));
         }
         if let Some(interval) = &c.rate {
             let interval = Weighted::<M>::of(interval, inputs);
-            let before = core::array::from_fn(|index| -p.previous_input[inputs[index]]);
+            let before = Short::new(&core::array::from_fn(|index| -p.previous_input[inputs[index]]));
             // The first change comes a first step's length after the last input.
             let first = (before, interval.scaled(steps[0].duration));
-            let later = steps.iter().map(|before| ([0.0; M], interval.scaled(before.duration)));
+            let later = steps.iter().map(|before| (Short::ZERO, interval.scaled(before.duration)));
             bounds.put(self.rows(RowKind::Rate), M, core::iter::once(first).chain(later));
         }
         if let Some(interval) = &c.joint_position {
-            let interval = Weighted::new(*array(&interval.lower), *array(&interval.upper));
+            let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
             let reached = free.positions().skip(self.horizon.first_reached());
-            bounds.put(self.rows(RowKind::JointPosition), N, reached.map(|position| (*position, interval)));
+            bounds.put(self.rows(RowKind::JointPosition), N, reached.map(|position| (Short::new(position), interval)));
         }
         let (mut minimum, mut maximum, mut offset) = ([0.0; M], [0.0; M], [0.0; M]);
         for (index, bound) in c.force.as_slice().iter().enumerate() {
             (minimum[index], maximum[index]) = (bound.minimum, bound.maximum);
             offset[index] = bound.sign * self.model.wrench_offset[bound.axis];
         }
-        let softly = Weighted::new(minimum, [f64::INFINITY; M]);
+        let softly = Weighted::new(&minimum, &[f64::INFINITY; M]);
         if p.slack.is_some() {
             minimum = [f64::NEG_INFINITY; M];
         }
-        let interval = Weighted::new(minimum, maximum);
+        let (interval, offset) = (Weighted::new(&minimum, &maximum), Short::new(&offset));
         let points = self.horizon.force_points().iter().map(|point| {
             let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
             let reference = Short::of(&p.known_reference[point.step]);
             let force = self.gradients.times(free.joints_at(point.step).position_after(a, b, reference));
-            (force.plus(Short::new(&offset)).array(), interval)
+            (force.plus(offset), interval)
         });
         bounds.put(self.rows(RowKind::Force), self.bounded, points);
         if p.softened() == Some(Softened::Minimum) {
-            let ends = free
-                .positions()
-                .skip(self.horizon.first_reached())
-                .map(|position| (self.gradients.times(Short::new(position)).plus(Short::new(&offset)).array(), softly));
+            let reached = free.positions().skip(self.horizon.first_reached());
+            let ends = reached.map(|position| (self.gradients.times(Short::new(position)).plus(offset), softly));
             bounds.put(self.rows(RowKind::MinimumForce), self.bounded, ends);
         }
         if p.slack.is_some() {
-            bounds.put(self.rows(RowKind::Slack), 1, core::iter::once(([0.0], Weighted::new([0.0], [f64::INFINITY]))));
+            bounds.put(
+                self.rows(RowKind::Slack),
+                1,
+                core::iter::once((Short::ZERO, Weighted::new(&[0.0], &[f64::INFINITY]))),
+            );
         }
     }
 }
@@ -299,35 +297,36 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let (position, rest) = rest.split_at_mut(self.rows(RowKind::JointPosition).len());
         let (force, rest) = rest.split_at_mut(self.rows(RowKind::Force).len());
         let (minimum, rest) = rest.split_at_mut(self.rows(RowKind::MinimumForce).len());
+        let (steps, slack, delay) = (self.horizon.steps(), self.slack(z), self.horizon.first_reached());
+        let inputs = z[..M * steps.len()].as_chunks::<M>().0;
+        for (offset, u) in offset.as_chunks_mut::<M>().0.iter_mut().zip(inputs.iter().rev()) {
+            *offset = *u;
+        }
+        let mut before = [0.0; M];
+        for (rate, u) in rate.as_chunks_mut::<M>().0.iter_mut().zip(inputs.iter().rev()) {
+            *rate = core::array::from_fn(|index| u[index] - before[index]);
+            before = *u;
+        }
         let mut speed = speed.as_chunks_mut::<N>().0.iter_mut();
-        let mut offset = offset.as_chunks_mut::<M>().0.iter_mut();
-        let mut rate = rate.as_chunks_mut::<M>().0.iter_mut();
         let mut position = position.as_chunks_mut::<N>().0.iter_mut();
         let mut force = force.chunks_exact_mut(self.bounded.max(1));
         let mut minimum = minimum.chunks_exact_mut(self.bounded.max(1));
-        let mut points = self.horizon.force_points().iter().peekable();
-        let (slack, delay) = (self.slack(z), self.horizon.first_reached());
         let off_maximum = self.off_maximum(z);
-        let (steps, mut joints, mut before) = (self.horizon.steps(), Joints::<N>::ZERO, [0.0; M]);
-        let inputs = z[..M * steps.len()].as_chunks::<M>().0;
+        let mut points = self.horizon.force_points();
+        let mut joints = Joints::<N>::ZERO;
         for ((k, step), u) in steps.iter().enumerate().zip(inputs.iter().rev()) {
             let reference = self.inputs.times(Short::new(u));
             if let Some(speed) = speed.next() {
                 *speed = reference.array();
             }
-            if let Some(offset) = offset.next() {
-                *offset = *u;
-            }
-            if let Some(rate) = rate.next() {
-                *rate = core::array::from_fn(|index| u[index] - before[index]);
-                before = *u;
-            }
-            while let Some(point) = points.next_if(|point| point.step == k) {
+            while let [point, later @ ..] = points
+                && point.step == k
+                && let Some(force) = force.next()
+            {
                 let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
                 let pressing = self.gradients.times(joints.position_after(a, b, reference));
-                if let Some(force) = force.next() {
-                    store(force, &pressing.minus(Short::splat(off_maximum)).array());
-                }
+                store(force, &pressing.minus(Short::splat(off_maximum)).array());
+                points = later;
             }
             joints.advance(step, reference);
             if k >= delay

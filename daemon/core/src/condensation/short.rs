@@ -92,8 +92,8 @@ impl<const K: usize> Short<K> {
 
     #[inline(always)]
     pub(super) fn dot(self, other: Self) -> f64 {
-        let products = self.times(other);
-        products.0[..Self::USED].iter().fold(f64x4::ZERO, |sum, group| sum + *group).reduce_add()
+        let first = self.0[0] * other.0[0];
+        (1..Self::USED).fold(first, |sum, group| self.0[group].mul_add(other.0[group], sum)).reduce_add()
     }
 }
 
@@ -138,6 +138,9 @@ fn product<const R: usize, const C: usize>(rows: &[[f64; C]; R], columns: &[[f64
         return Short::splat(Short::new(row).dot(x));
     }
     let factors = x.array();
+    if let [column] = columns.as_slice() {
+        return Short::splat(factors[0]).times(Short::new(column));
+    }
     let mut sum = Short::<R>::ZERO;
     for c in 0..C {
         sum = Short::splat(factors[c]).times_plus(Short::new(&columns[c]), sum);

@@ -16,7 +16,7 @@ pub const fn padded(length: usize) -> usize {
 pub(super) type Tile = [[f64; LANES]; LANES];
 
 /// Numbers in a cache line: a group that crosses from one to the next takes twice as long to read.
-const CACHE_LINE: usize = 8;
+pub(crate) const CACHE_LINE: usize = 8;
 
 /// Numbers that storage must have beyond what is kept in it, for [`before_cache_line`].
 pub(crate) const ALIGNMENT: usize = CACHE_LINE - 1;
@@ -41,6 +41,14 @@ pub(crate) fn groups_mut(x: &mut [f64]) -> &mut [[f64; LANES]] {
 #[inline(always)]
 pub(super) fn tiles_mut(storage: &mut [f64]) -> &mut [Tile] {
     storage.as_chunks_mut().0.as_chunks_mut().0
+}
+
+/// Fills the last group of a slice: what a number of elements is rounded up by, and some before.
+#[inline(always)]
+pub(crate) fn fill_last_group(x: &mut [f64], value: f64) {
+    if let Some(group) = groups_mut(x).last_mut() {
+        *group = [value; LANES];
+    }
 }
 
 #[inline(always)]

@@ -10,7 +10,7 @@ mod working_set;
 
 pub use active_set::{ActiveSet, SolverCapacity};
 pub use check::{KktResidual, certificate_gap, kkt_residual};
-pub(crate) use lanes::{ALIGNMENT, before_cache_line};
+pub(crate) use lanes::{ALIGNMENT, CACHE_LINE, before_cache_line, fill_last_group};
 pub use lanes::{LANES, padded};
 
 /// Largest number of variables that [`ActiveSet`] takes: six axes over 32 steps, and a slack.
