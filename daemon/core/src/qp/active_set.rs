@@ -12,7 +12,8 @@
 //!   added. Where none blocks, Σ of the members' normals with weights ≥ 0 contradicts it: that is the certificate.
 //! - **Drift**: what rounding adds up to in y over many steps is taken out by taking the nearest point afresh from W, at the end
 //!   of every pass; a row of W that seems violated meanwhile is left alone.
-//! - **Cycling**: in exact arithmetic impossible, see above; rounding is answered by the iteration limit.
+//! - **Cycling**: in exact arithmetic impossible, see above. With rounding, rows that coincide could be exchanged for one another
+//!   for ever: a row that all of W implies is left alone, whatever it seems to be violated by. Beyond that, the iteration limit.
 //! - **Nearly singular W**: rows are orthogonalised, not squared, and what depends within 1e-9 never enters W.
 //!
 //! # Work
@@ -383,14 +384,16 @@ impl Run<'_, '_> {
                 }
             }
             let (step, blocked_by) = blocking;
-            if step.is_infinite() {
+            if independent.is_none() {
                 // c is a combination of the members' normals: where it is one but for rounding, or y has drifted, their bounds
                 // say what is missing, and y does not.
                 let missed = pairs().fold(bound, |missed, (member, fall)| missed - fall * member.bound);
                 let is_exact = projection.rest <= projection.whole * (COMBINED * COMBINED);
-                if (is_exact || !self.fresh) && missed <= FEASIBLE / weight {
-                    return Ok(false);
+                if (is_exact || (!self.fresh && step.is_infinite())) && missed <= FEASIBLE / weight {
+                    return Ok(has_let_go);
                 }
+            }
+            if step.is_infinite() {
                 if violation <= FEASIBLE / weight {
                     // Met, perhaps by letting others go, and dependent by rounding on those that are left: no contradiction.
                     return Ok(has_let_go);
