@@ -98,7 +98,7 @@ pub enum RowKind {
     JointPosition,
     /// Force on an axis; the instant is the force point.
     Force,
-    /// Softened lower bound of the force on an axis; the instant is the step at whose end.
+    /// Softened lower bound of the force on an axis; the instant is the force point.
     MinimumForce,
     /// The slack t ≥ 0 of a softened problem.
     Slack,
@@ -112,7 +112,7 @@ pub(crate) const ROW_KINDS: usize = 7;
 pub enum Softened {
     /// s·f_lin ≤ f_max + t; no lower bound.
     Maximum,
-    /// s·f_lin ≥ f_min − t, at the end of every step.
+    /// s·f_lin ≥ f_min − t.
     Minimum,
 }
 
@@ -181,7 +181,7 @@ impl Layout {
         let points = horizon.force_points().len();
         layout.add(RowKind::Force, &forced[..constraints.force.as_slice().len()], 0, points);
         let softly = if softened == Some(Softened::Minimum) { constraints.force.as_slice().len() } else { 0 };
-        layout.add(RowKind::MinimumForce, &forced[..softly], first, steps - first);
+        layout.add(RowKind::MinimumForce, &forced[..softly], 0, points);
         layout.add(RowKind::Slack, &[0][..usize::from(softened.is_some())], 0, 1);
         layout
     }

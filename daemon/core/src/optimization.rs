@@ -3,7 +3,7 @@
 
 use nalgebra::SVector;
 
-use crate::condensation::{InputAxes, MpcRows, Prediction, condense};
+use crate::condensation::{InputAxes, MpcRows, Prediction, Slack, condense};
 use crate::constraints::{AxisBound, Constraints, ForceBounds, Interval, Softened};
 use crate::controller::{Controller, Pose};
 use crate::cost::SetPoint;
@@ -14,6 +14,10 @@ use crate::plan::{MAX_STEPS, nanoseconds};
 use crate::qp::{QpOutcome, QpSolver, kkt_residual};
 use crate::sample::Sample;
 use crate::stopping;
+
+/// What a force below f_min costs: at rest far more than the cost of the force is worth, so that f_min is kept to the letter;
+/// after an impact not so much that a dip between samples, which may be unavoidable, is answered by the next impact.
+const KEPT: Slack = Slack { softened: Softened::Minimum, price: 30.0, curvature: 3.0 };
 
 /// Instants at which the force is looked at while an earlier command acts.
 const PIECES: u32 = 8;
@@ -181,7 +185,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             weights: &mpc.weights,
             jacobian: pose.kinematics.task_jacobian(),
             input_weight: mpc.input_weight,
-            slack: (is_soft && holds).then_some((Softened::Minimum, stopping::SLACK_PRICE)),
+            slack: (is_soft && holds).then_some(KEPT),
         };
         let optimized = self.run(&model, sample, &prediction, known_twist, expired);
         optimized.shifted(start.delay, self.uncertainty())
@@ -210,7 +214,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             weights: &weights,
             jacobian: pose.kinematics.task_jacobian(),
             input_weight,
-            slack: Some((Softened::Maximum, stopping::SLACK_PRICE)),
+            slack: Some(stopping::SLACK),
         };
         let known_twist = [SVector::zeros(); MAX_STEPS];
         let optimized = self.run(&model, sample, &prediction, &known_twist[..mpc.steps().len()], expired);

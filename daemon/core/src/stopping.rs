@@ -5,13 +5,15 @@
 
 use nalgebra::SVector;
 
-use crate::constraints::{AxisBound, ForceBounds};
+use crate::condensation::Slack;
+use crate::constraints::{AxisBound, ForceBounds, Softened};
 use crate::cost::{SetPoint, Weights};
 use crate::model::{Model, State};
 use crate::parameters::Parameters;
 
-/// Cost in s²/m² · (m/s)² per N of violation: far above the sum of multipliers, which the cost of a twist of 1 m/s bounds.
-pub(crate) const SLACK_PRICE: f64 = 1e3;
+/// The least violation comes before all else: its price is far above the sum of multipliers, which the cost of a twist of 1 m/s
+/// bounds. The curvature is only there to make the QP strictly convex.
+pub(crate) const SLACK: Slack = Slack { softened: Softened::Maximum, price: 1e3, curvature: 0.1 };
 /// R of the stop, relative to its velocity weight: only enough to make the QP strictly convex.
 const INPUT_WEIGHT: f64 = 1e-2;
 /// Normal speed in m/s that still counts as zero.

@@ -54,7 +54,7 @@ impl WarmStart {
     ) -> [Option<Row>; 2] {
         let elapsed = stamp.saturating_sub(self.stamp) as f64 * 1e-9;
         let time = |instant: usize| match row.kind {
-            RowKind::Force => horizon.force_points()[instant].time,
+            RowKind::Force | RowKind::MinimumForce => horizon.force_points()[instant].time,
             _ => horizon.start_of(instant),
         };
         let target = time(row.instant) - elapsed;

@@ -5,7 +5,7 @@ mod common;
 use admittance_core::condensation::{MpcRows, condense};
 use admittance_core::plan::MAX_STEPS;
 use common::problems::{
-    DISCRETIZATIONS, Numbers, Problem, SLACK_CURVATURE, SLACK_UNIT, SLACKS, Shape, cases, largest, order, shapes,
+    DISCRETIZATIONS, Numbers, Problem, SLACK_UNIT, SLACKS, Shape, cases, largest, order, shapes,
     workspace,
 };
 
@@ -48,9 +48,9 @@ fn cost<const N: usize, const D: usize>(problem: &Problem<N, D>, z: &[f64]) -> f
             cost += share * on_wrench[axis] * (x.wrench[axis] - p.set_point.wrench[axis]).powi(2);
         }
     }
-    let slack = p.slack.map_or(0.0, |(_, price)| {
-        let units = z.last().expect("the slack is a variable");
-        price * SLACK_UNIT * units * (1.0 + 0.5 * SLACK_CURVATURE * units)
+    let slack = p.slack.map_or(0.0, |slack| {
+        let t = SLACK_UNIT * z.last().expect("the slack is a variable");
+        slack.price * t + 0.5 * slack.curvature * t * t
     });
     0.5 * cost + slack
 }

@@ -6,7 +6,7 @@ use admittance_core::condensation::{MpcRows, condense};
 use admittance_core::constraints::{Row, RowKind, Softened};
 use admittance_core::plan::MAX_STEPS;
 use admittance_core::qp::{LANES, Rows, padded};
-use common::problems::{Numbers, Point, Problem, SLACK_UNIT, Shape, first_reached, largest, order, shapes, workspace};
+use common::problems::{Numbers, Point, Problem, SLACK_UNIT, SLACKS, Shape, first_reached, largest, order, shapes, workspace};
 
 /// A quantity that a row bounds, in the row's unit.
 struct Bounded {
@@ -50,11 +50,14 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
         (0..N).for_each(|i| push(RowKind::JointPosition, i, k, value[i], position.lower[i], position.upper[i]));
     }
     let slack = p.slack.map(|_| *z.last().expect("the slack is a variable"));
-    let softens = |softened| p.slack.is_some_and(|(which, _)| which == softened);
-    for (instant, &Point { step: k, part, .. }) in shape.force_points().iter().enumerate() {
+    let softens = |softened| p.slack.is_some_and(|slack| slack.softened == softened);
+    let force_at = |k: usize, part: f64| {
         let to_here = shape.discretization.step(part * steps[k], &velocity_constant, &estimate);
         let there = problem.model.advance(&to_here, &states[k], &problem.reference(z, k));
-        let force = problem.model.linear_wrench(&there.joint_position);
+        problem.model.linear_wrench(&there.joint_position)
+    };
+    for (instant, &Point { step: k, part, .. }) in shape.force_points().iter().enumerate() {
+        let force = force_at(k, part);
         for bound in c.force.as_slice() {
             // Softened lower bounds have rows of their own.
             let lower = if slack.is_some() { f64::NEG_INFINITY } else { bound.minimum };
@@ -63,11 +66,14 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
             push(RowKind::Force, bound.axis, instant, value, lower, bound.maximum);
         }
     }
-    for k in (first_reached(shape.discretization)..h).filter(|_| softens(Softened::Minimum)) {
-        let force = problem.model.linear_wrench(&states[k + 1].joint_position);
+    for (instant, &Point { step: k, part, .. }) in shape.force_points().iter().enumerate() {
+        if !softens(Softened::Minimum) {
+            break;
+        }
+        let force = force_at(k, part);
         for bound in c.force.as_slice() {
             let value = bound.sign * force[bound.axis] + SLACK_UNIT * slack.unwrap_or(0.0);
-            push(RowKind::MinimumForce, bound.axis, k, value, bound.minimum, f64::INFINITY);
+            push(RowKind::MinimumForce, bound.axis, instant, value, bound.minimum, f64::INFINITY);
         }
     }
     if let Some(slack) = slack {
@@ -170,7 +176,7 @@ fn check_rows<const N: usize, const D: usize, const M: usize>(shape: &Shape, num
     }
     assert_eq!((rows.layout.row(count), rows.force_row(count)), (None, None), "{what}");
     let slack = if shape.slack.is_some() { SLACK_UNIT * z[n - 1] } else { 0.0 };
-    let softens_maximum = shape.slack.is_some_and(|(softened, _)| softened == Softened::Maximum);
+    let softens_maximum = shape.slack.is_some_and(|slack| slack.softened == Softened::Maximum);
     let off_maximum = if softens_maximum { slack } else { 0.0 };
     assert_eq!(rows.off_maximum(&z).to_bits(), off_maximum.to_bits(), "{what}");
 }
@@ -203,7 +209,7 @@ fn rows_are_those_of_the_simulated_trajectory() {
         inputs: 6,
         by_task: false,
         estimate: [0.020, 0.030],
-        slack: Some((Softened::Maximum, 30.0)),
+        slack: SLACKS[1],
         partial: false,
     };
     check_rows::<6, 6, 6>(&longest, &mut numbers);

@@ -13,7 +13,7 @@ use wide::f64x4;
 use super::responses::Responses;
 use super::rows::MpcRows;
 use super::short::{Matrix, Short, array};
-use super::{SLACK_CURVATURE, SLACK_UNIT};
+use super::SLACK_UNIT;
 use crate::cost::Weights;
 use crate::qp::{CACHE_LINE, LANES, padded};
 
@@ -399,9 +399,9 @@ fn write_over<const N: usize, const D: usize, const M: usize, const EVEN: bool>(
             }
         }
     }
-    if let Some((_, price)) = prediction.slack {
+    if let Some(slack) = &prediction.slack {
         let hessian = &mut triangle.values[triangle.margin..];
         hessian.chunks_exact_mut(stride).take(n).for_each(|row| row[n] = 0.0);
-        hessian[n * stride + n] = price * SLACK_UNIT * SLACK_CURVATURE;
+        hessian[n * stride + n] = slack.curvature * SLACK_UNIT * SLACK_UNIT;
     }
 }

@@ -26,8 +26,9 @@ use crate::horizon::Horizon;
 use crate::model::State;
 use crate::qp::{ALIGNMENT, Answer, Qp, RowState, Rows, before_cache_line, padded};
 
-/// Largest number of constraint rows.
-pub const MAX_ROWS: usize = 1280;
+/// Largest number of constraint rows: speed and position of 7 joints, offset and rate of 6 inputs in 32 steps, the upper and the
+/// softened lower bound of 6 forces at 96 points and the slack are 1985.
+pub const MAX_ROWS: usize = 2048;
 
 /// Axes that have an input in this cycle, in ascending order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,23 +83,30 @@ pub struct Prediction<'a, const N: usize, const D: usize> {
     pub jacobian: SMatrix<f64, D, N>,
     /// R: diagonal, per task axis, 1/(m/s)² and 1/(rad/s)².
     pub input_weight: SVector<f64, D>,
-    /// Which force bounds one common slack t ≥ 0 softens, and what it costs per N: for a price above the sum of the
-    /// multipliers, t is the least violation there is.
-    pub slack: Option<(Softened, f64)>,
+    /// The slack that softens force bounds, if any.
+    pub slack: Option<Slack>,
+}
+
+/// One slack t ≥ 0, common to all the force bounds that it softens, and its cost p t + ½ ρ t².
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slack {
+    /// Which bounds.
+    pub softened: Softened,
+    /// p in 1/N: while the multipliers of the softened rows sum to less, t is zero and they are met.
+    pub price: f64,
+    /// ρ in 1/N², above zero.
+    pub curvature: f64,
 }
 
 impl<const N: usize, const D: usize> Prediction<'_, N, D> {
     /// Which bounds are softened.
     pub(super) fn softened(&self) -> Option<Softened> {
-        self.slack.map(|(softened, _)| softened)
+        self.slack.map(|slack| slack.softened)
     }
 }
 
 /// Newtons in one unit of the slack variable, which brings it near the scale of the inputs.
 pub(crate) const SLACK_UNIT: f64 = 100.0;
-/// Curvature of the slack relative to its price per unit: it makes the QP strictly convex, and at one unit of violation
-/// raises the price by this much.
-const SLACK_CURVATURE: f64 = 1e-2;
 
 /// Sizes of the storage that one controller needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -260,17 +260,15 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
             minimum = [f64::NEG_INFINITY; M];
         }
         let (interval, offset) = (Weighted::new(&minimum, &maximum), Short::new(&offset));
-        let points = self.horizon.force_points().iter().map(|point| {
+        let forces = self.horizon.force_points().iter().map(|point| {
             let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
             let reference = Short::of(&p.known_reference[point.step]);
             let force = self.gradients.times(free.joints_at(point.step).position_after(a, b, reference));
-            (force.plus(offset), interval)
+            force.plus(offset)
         });
-        bounds.put(self.rows(RowKind::Force), self.bounded, points);
+        bounds.put(self.rows(RowKind::Force), self.bounded, forces.clone().map(|force| (force, interval)));
         if p.softened() == Some(Softened::Minimum) {
-            let reached = free.positions().skip(self.horizon.first_reached());
-            let ends = reached.map(|position| (self.gradients.times(Short::new(position)).plus(offset), softly));
-            bounds.put(self.rows(RowKind::MinimumForce), self.bounded, ends);
+            bounds.put(self.rows(RowKind::MinimumForce), self.bounded, forces.map(|force| (force, softly)));
         }
         if p.slack.is_some() {
             bounds.put(
@@ -326,6 +324,9 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
                 let pressing = self.gradients.times(joints.position_after(a, b, reference));
                 store(force, &pressing.minus(Short::splat(off_maximum)).array());
+                if let Some(minimum) = minimum.next() {
+                    store(minimum, &pressing.plus(Short::splat(slack)).array());
+                }
                 points = later;
             }
             joints.advance(step, reference);
@@ -333,12 +334,6 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 && let Some(position) = position.next()
             {
                 *position = joints.position.array();
-            }
-            if k >= delay
-                && let Some(minimum) = minimum.next()
-            {
-                let pressing = self.gradients.times(joints.position);
-                store(minimum, &pressing.plus(Short::splat(slack)).array());
             }
         }
         if self.prediction.slack.is_some() {
@@ -356,8 +351,8 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let delay = self.horizon.first_reached();
         let first = match kind {
             RowKind::JointSpeed | RowKind::Offset | RowKind::Rate => self.inputs_of(instant).start,
-            RowKind::JointPosition | RowKind::MinimumForce => self.inputs_of(instant - delay).start,
-            RowKind::Force => self.inputs_of(self.horizon.force_points()[instant].step - delay).start,
+            RowKind::JointPosition => self.inputs_of(instant - delay).start,
+            RowKind::Force | RowKind::MinimumForce => self.inputs_of(self.horizon.force_points()[instant].step - delay).start,
             RowKind::Slack => self.variables() - 1,
         };
         let start = first / LANES * LANES;
@@ -380,7 +375,7 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 position[component] = 1.0;
                 self.sweep(Joints { position: Short::new(&position), ..Joints::ZERO }, instant + 1, out);
             }
-            RowKind::Force => {
+            RowKind::Force | RowKind::MinimumForce => {
                 let gradient = self.gradient_of(component);
                 let point = &self.horizon.force_points()[instant];
                 let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
@@ -390,14 +385,11 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                     self.add_to_inputs(point.step, at_once, out);
                 }
                 self.sweep(costate, point.step, out);
-                if self.prediction.softened() == Some(Softened::Maximum) {
+                if kind == RowKind::MinimumForce {
+                    out[self.variables() - 1] = SLACK_UNIT;
+                } else if self.prediction.softened() == Some(Softened::Maximum) {
                     out[self.variables() - 1] = -SLACK_UNIT;
                 }
-            }
-            RowKind::MinimumForce => {
-                let position = self.gradient_of(component);
-                self.sweep(Joints { position, ..Joints::ZERO }, instant + 1, out);
-                out[self.variables() - 1] = SLACK_UNIT;
             }
             RowKind::Slack => out[first] = 1.0,
         }
@@ -414,17 +406,17 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
             if let Some(row) = self.at(RowKind::JointPosition, k) {
                 costate.position = costate.position.plus(section(multipliers, row));
             }
-            if let Some(row) = self.at(RowKind::MinimumForce, k) {
-                let (position, sum) = self.pushed(multipliers, row);
-                costate.position = costate.position.plus(position);
-                slack += SLACK_UNIT * sum;
-            }
             let mut reference = costate.back(step);
             while instant > 0 && points[instant - 1].step == k {
                 instant -= 1;
                 let row = self.at(RowKind::Force, instant).unwrap_or(0);
-                let (position, sum) = self.pushed(multipliers, row);
+                let (mut position, sum) = self.pushed(multipliers, row);
                 slack -= off_maximum * sum;
+                if let Some(row) = self.at(RowKind::MinimumForce, instant) {
+                    let (lower, sum) = self.pushed(multipliers, row);
+                    position = position.plus(lower);
+                    slack += SLACK_UNIT * sum;
+                }
                 let point = &points[instant];
                 let at_once = costate.seed(&point.position_by_velocity, &point.position_by_reference, position);
                 reference = reference.plus(at_once);

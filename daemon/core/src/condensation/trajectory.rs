@@ -179,8 +179,8 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     }
     let n = M * steps.len();
     gradient[n..].fill(0.0);
-    if let Some((_, price)) = prediction.slack {
-        gradient[n] = price * SLACK_UNIT;
+    if let Some(slack) = &prediction.slack {
+        gradient[n] = slack.price * SLACK_UNIT;
     }
     // Only task weights need it.
     let jacobian = match prediction.weights {

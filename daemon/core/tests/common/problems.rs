@@ -1,6 +1,6 @@
 //! Problems (18) for the tests of the condensation: on the paper's arm, and arbitrary ones for any arm.
 
-use admittance_core::condensation::{Capacity, InputAxes, MpcRows, Prediction, Workspace};
+use admittance_core::condensation::{Capacity, InputAxes, MpcRows, Prediction, Slack, Workspace};
 use admittance_core::constraints::{AxisBound, Constraints, ForceBounds, Interval, Softened};
 use admittance_core::cost::{SetPoint, Weights};
 use admittance_core::horizon::Horizon;
@@ -12,8 +12,11 @@ use super::{joint_weights, model, parameters, pushing, task_weights};
 pub(crate) const UNIFORM: [f64; 5] = [0.004; 5];
 pub(crate) const UNEVEN: [f64; 4] = [0.002, 0.004, 0.003, 0.006];
 
-pub(crate) const SLACKS: [Option<(Softened, f64)>; 3] =
-    [None, Some((Softened::Maximum, 30.0)), Some((Softened::Minimum, 20.0))];
+pub(crate) const SLACKS: [Option<Slack>; 3] = [
+    None,
+    Some(Slack { softened: Softened::Maximum, price: 30.0, curvature: 0.003 }),
+    Some(Slack { softened: Softened::Minimum, price: 20.0, curvature: 0.2 }),
+];
 
 pub(crate) const DISCRETIZATIONS: [Discretization; 2] = [Discretization::Euler, Discretization::Zoh];
 
@@ -27,8 +30,6 @@ pub(crate) fn first_reached(discretization: Discretization) -> usize {
 
 /// N in one unit of the slack variable.
 pub(crate) const SLACK_UNIT: f64 = 100.0;
-/// By how much one unit of slack raises the slack's price, relative to it.
-pub(crate) const SLACK_CURVATURE: f64 = 0.01;
 
 /// A problem (18) on the paper's arm: in contact with `force` N, approaching at `speed`, the joints moving accordingly
 /// times `moving`.
@@ -161,7 +162,7 @@ pub(crate) struct Shape {
     pub(crate) by_task: bool,
     /// T_est of even and of odd axes in s.
     pub(crate) estimate: [f64; 2],
-    pub(crate) slack: Option<(Softened, f64)>,
+    pub(crate) slack: Option<Slack>,
     /// Without the wrench state and the bounded force of one axis, without some task weights.
     pub(crate) partial: bool,
 }
