@@ -10,10 +10,10 @@
 
 use wide::f64x4;
 
+use super::SLACK_UNIT;
 use super::responses::Responses;
 use super::rows::MpcRows;
 use super::short::{Matrix, Short, array};
-use super::SLACK_UNIT;
 use crate::cost::Weights;
 use crate::qp::{CACHE_LINE, LANES, padded};
 

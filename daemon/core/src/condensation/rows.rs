@@ -352,7 +352,9 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let first = match kind {
             RowKind::JointSpeed | RowKind::Offset | RowKind::Rate => self.inputs_of(instant).start,
             RowKind::JointPosition => self.inputs_of(instant - delay).start,
-            RowKind::Force | RowKind::MinimumForce => self.inputs_of(self.horizon.force_points()[instant].step - delay).start,
+            RowKind::Force | RowKind::MinimumForce => {
+                self.inputs_of(self.horizon.force_points()[instant].step - delay).start
+            }
             RowKind::Slack => self.variables() - 1,
         };
         let start = first / LANES * LANES;

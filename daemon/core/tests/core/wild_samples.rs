@@ -1,14 +1,13 @@
 //! Whatever a motion controller sends, `step` neither panics nor emits anything but finite numbers within the limits.
 
-mod common;
-
+use crate::common;
+use crate::common::{PlanarController, pushing};
 use admittance_core::controller::Event;
 use admittance_core::mode::Mode;
 use admittance_core::outcome::{Motion, Outcome};
 use admittance_core::parameters::{OnInfeasible, Parameters};
 use admittance_core::qp::ActiveSet;
 use admittance_core::sample::{Sample, SampleFault};
-use common::{PlanarController, pushing};
 use nalgebra::Vector2;
 use proptest::prelude::*;
 

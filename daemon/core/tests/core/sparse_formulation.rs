@@ -1,14 +1,13 @@
 //! The condensed QP against the sparse formulation of the same problem (18), with the states as variables.
 
-mod common;
-
+use crate::common;
+use crate::common::problems::{Problem, cases, workspace};
 use admittance_core::condensation::{MpcRows, condense};
 use admittance_core::model::{Model, State};
 use admittance_core::qp::{QpOutcome, QpSolver, RowState, kkt_residual};
 use admittanced::clarabel_solver::{ClarabelSettings, ClarabelSolver};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
-use common::problems::{Problem, cases, workspace};
 use nalgebra::{SVector, Vector2};
 
 /// The inputs that solve the sparse problem: variables [x_1; …; x_H; u_0; …], the dynamics as equalities. Positions are

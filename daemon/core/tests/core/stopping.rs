@@ -1,13 +1,12 @@
 //! How the controller stops on request, and how one gets out of a stop.
 
-mod common;
-
+use crate::common;
+use crate::common::scripted::{assert_held, assert_stopping, close, contact, scenario, touched};
+use crate::common::{normal, parameters, pressing, pushing, step};
 use admittance_core::ResetRefused;
 use admittance_core::mode::{Mode, StopReason};
 use admittance_core::outcome::{Motion, Source};
 use admittance_core::sample::Sample;
-use common::scripted::{assert_held, assert_stopping, close, contact, scenario, touched};
-use common::{normal, parameters, pressing, pushing, step};
 use nalgebra::Vector2;
 
 #[test]

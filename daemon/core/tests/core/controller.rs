@@ -1,15 +1,15 @@
 //! The controller through `step`: what it answers when the solver or the samples fail.
 
-mod common;
-
+use crate::common::scripted::{
+    Scenario, Script, assert_held, assert_stopping, close, contact, offsets, scenario, touched,
+};
+use crate::common::{CYCLE, normal, parameters, pressing, pushing, step};
 use admittance_core::controller::Event;
 use admittance_core::feasibility::Verdict;
 use admittance_core::mode::{Mode, StopReason};
 use admittance_core::outcome::{Motion, Outcome, Source};
 use admittance_core::parameters::OnInfeasible;
 use admittance_core::sample::{Field, Sample, SampleFault};
-use common::scripted::{Scenario, Script, assert_held, assert_stopping, close, contact, offsets, scenario, touched};
-use common::{CYCLE, normal, parameters, pressing, pushing, step};
 use nalgebra::Vector2;
 
 #[test]

@@ -5,7 +5,7 @@ use admittance_judge::random_qp::{MAX_ROWS, MAX_VARIABLES};
 
 #[test]
 fn what_was_hard_once_is_solved() {
-    let seeds: Vec<u64> = include_str!("../problems/hard_seeds.txt")
+    let seeds: Vec<u64> = include_str!("../../problems/hard_seeds.txt")
         .lines()
         .filter(|line| !line.starts_with('#'))
         .map(|line| line.trim().parse().expect("a seed a line"))

@@ -1,13 +1,10 @@
 //! The condensed QP against the cost of simulated trajectories.
 
-mod common;
-
+use crate::common::problems::{
+    DISCRETIZATIONS, Numbers, Problem, SLACK_UNIT, SLACKS, Shape, cases, largest, order, shapes, workspace,
+};
 use admittance_core::condensation::{MpcRows, condense};
 use admittance_core::plan::MAX_STEPS;
-use common::problems::{
-    DISCRETIZATIONS, Numbers, Problem, SLACK_UNIT, SLACKS, Shape, cases, largest, order, shapes,
-    workspace,
-};
 
 /// What [`condense`] wrote, in the order of time: column a + m·k is input a of step k, and the last one the slack.
 struct Condensed {

@@ -1,5 +1,4 @@
 //! The paper's planar arm (section IV) with the weights (23), and samples of it.
-#![allow(dead_code, reason = "every test binary uses its own part")]
 
 pub(crate) mod problems;
 pub(crate) mod scripted;
@@ -19,7 +18,7 @@ use admittance_core::plan::MAX_STEPS;
 use admittance_core::qp::{ActiveSet, QpSolver, SolverCapacity};
 use admittance_core::robot::{Chain, Joint, Pose, right_inverse};
 use admittance_core::sample::Sample;
-use nalgebra::{Matrix3, SVector, Vector2, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 pub(crate) const STIFFNESS: f64 = 1e5;
 pub(crate) const TILT: f64 = 25.0 * std::f64::consts::PI / 180.0;
@@ -150,9 +149,4 @@ pub(crate) fn controller<S: QpSolver>(parameters: Parameters<2, 2>, solver: S) -
 /// One cycle at the instant of the sample, with all the time in the world.
 pub(crate) fn step<S: QpSolver>(controller: &mut PlanarController<S>, sample: &Sample<2, 2>) -> Outcome<2, 2> {
     controller.step(Event::Sample(sample), sample.stamp, &mut || false)
-}
-
-/// Largest relative difference of two vectors.
-pub(crate) fn difference<const K: usize>(a: &SVector<f64, K>, b: &SVector<f64, K>) -> f64 {
-    (a - b).norm() / b.norm().max(1e-300)
 }

@@ -1,7 +1,6 @@
 //! The model (17) against golden/model.json, which an independent script derives by hand with 60 digits.
 
-mod common;
-
+use crate::common;
 use admittance_core::model::{Discretization, Model, State, Step};
 use nalgebra::{SMatrix, SVector, Vector2};
 use serde::Deserialize;
@@ -33,7 +32,7 @@ struct GoldenModel {
 }
 
 fn golden() -> Golden {
-    serde_json::from_str(include_str!("golden/model.json")).expect("the golden file is what its script wrote")
+    serde_json::from_str(include_str!("../golden/model.json")).expect("the golden file is what its script wrote")
 }
 
 /// Every entry within rounding of the largest one in its row, which is what the sum that makes it is rounded to.

@@ -60,7 +60,7 @@ struct Difference {
 }
 
 fn golden() -> Golden {
-    serde_json::from_str(include_str!("golden/kinematics.json")).expect("the golden file is what its script wrote")
+    serde_json::from_str(include_str!("../golden/kinematics.json")).expect("the golden file is what its script wrote")
 }
 
 fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {

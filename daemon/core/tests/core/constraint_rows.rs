@@ -1,12 +1,12 @@
 //! The constraint rows against the simulated trajectory that they bound.
 
-mod common;
-
+use crate::common::problems::{
+    Numbers, Point, Problem, SLACK_UNIT, SLACKS, Shape, first_reached, largest, order, shapes, workspace,
+};
 use admittance_core::condensation::{MpcRows, condense};
 use admittance_core::constraints::{Row, RowKind, Softened};
 use admittance_core::plan::MAX_STEPS;
 use admittance_core::qp::{LANES, Rows, padded};
-use common::problems::{Numbers, Point, Problem, SLACK_UNIT, SLACKS, Shape, first_reached, largest, order, shapes, workspace};
 
 /// A quantity that a row bounds, in the row's unit.
 struct Bounded {

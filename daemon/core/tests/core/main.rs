@@ -1,0 +1,13 @@
+//! Tests of the core, in one program: each of its own would instantiate controller and condensation anew.
+
+mod common;
+
+mod condensation;
+mod constraint_rows;
+mod contact_plan_mode;
+mod controller;
+mod kinematics;
+mod model;
+mod sparse_formulation;
+mod stopping;
+mod wild_samples;
