@@ -13,6 +13,7 @@ use plant_sim::summary::Summary;
 
 const SCENARIO: &str = include_str!("../../plant-sim/scenarios/paper.toml");
 const MPC_PAPER: &str = include_str!("../../deploy/demo/mpc-paper.toml");
+const MPC_DETECTED: &str = include_str!("../../deploy/demo/mpc-detected.toml");
 const DAMPING_LOW: &str = include_str!("../../deploy/demo/damping-low.toml");
 const DAMPING_HIGH: &str = include_str!("../../deploy/demo/damping-high.toml");
 
@@ -100,6 +101,15 @@ fn the_default_profile_slides_at_the_commanded_tangential_speed_and_settles_at_t
         let commanded = 0.25 * 25f64.to_radians().sin();
         assert_near("tangential speed", run.summary.tangential_speed_m_s(), commanded, 0.01);
         // 6 N in x are 6 N / tan 25° in y.
+        assert_near("settled force", run.summary.settled_force_y_n(), 6.0 / 25f64.to_radians().tan(), 0.03);
+    });
+}
+
+#[test]
+fn a_detected_contact_point_is_as_good() {
+    at_all_instants("mpc-detected", MPC_DETECTED, |run| {
+        assert!(run.summary.peak_force_y_n <= 200.5, "peak {} N", run.summary.peak_force_y_n);
+        assert_eq!((run.summary.contact_losses, run.infeasible), (0, 0));
         assert_near("settled force", run.summary.settled_force_y_n(), 6.0 / 25f64.to_radians().tan(), 0.03);
     });
 }

@@ -35,7 +35,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run the paper's experiment with the real daemon and the real plant, and compare four controllers.
+    /// Run the paper's experiment with the real daemon and the real plant, and compare five controllers.
     Demo(demo::Args),
     /// Check configuration files; nothing is started.
     Validate(validate::Args),

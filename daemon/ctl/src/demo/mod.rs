@@ -1,4 +1,4 @@
-//! `admittancectl demo`: the paper's experiment (section IV) for four controllers, each with the real daemon and the real
+//! `admittancectl demo`: the paper's experiment (section IV) for five controllers, each with the real daemon and the real
 //! plant as processes of their own, in real time, over shared memory.
 
 mod claims;
@@ -38,8 +38,8 @@ pub(crate) struct Controller {
     pub(crate) config: &'static str,
 }
 
-/// The four rows.
-pub(crate) const CONTROLLERS: [Controller; 4] = [
+/// The rows.
+pub(crate) const CONTROLLERS: [Controller; 5] = [
     Controller {
         name: "damping-low",
         title: "damping, D_low (22)",
@@ -60,11 +60,16 @@ pub(crate) const CONTROLLERS: [Controller; 4] = [
         title: "MPC, default profile",
         config: include_str!("../../../../deploy/demo/mpc-default.toml"),
     },
+    Controller {
+        name: "mpc-detected",
+        title: "MPC, default, finds contact",
+        config: include_str!("../../../../deploy/demo/mpc-detected.toml"),
+    },
 ];
 
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Takes about 12 s. Exit codes: 0 the run shows what the paper claims, 1 it does not or was interrupted, \
+    after_help = "Takes about 15 s. Exit codes: 0 the run shows what the paper claims, 1 it does not or was interrupted, \
     75 the machine was too busy to tell.\n\nExamples:\n  admittancectl demo\n  admittancectl demo --json > demo.json"
 )]
 pub(crate) struct Args {

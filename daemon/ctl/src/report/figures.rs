@@ -1,4 +1,4 @@
-//! Figures 3, 4 and 5 of the paper, and the fourth controller beside its three.
+//! Figures 3, 4 and 5 of the paper, and the default profile beside its three.
 
 use std::ops::Range;
 
@@ -9,7 +9,8 @@ use plotters::style::RGBColor;
 use super::chart::{Chart, Line, LineStyle, Note, Panel};
 use crate::demo::{LIMIT_N, Run};
 
-/// One look per controller, distinguishable without colour: the paper's dashed, dash-dotted and solid, and a dotted one.
+/// One look per controller, distinguishable without colour: the paper's dashed, dash-dotted and solid, and a dotted one. A fifth
+/// is in the table only: the default profile with a detected contact point lies on the default profile.
 const STYLES: [LineStyle; 4] = [
     LineStyle { color: RGBColor(0xC4, 0x4E, 0x12), width: 1.4, dash: &[7.0, 4.0] },
     LineStyle { color: RGBColor(0x5B, 0x3F, 0xA0), width: 1.4, dash: &[9.0, 3.0, 2.0, 3.0] },
