@@ -3,8 +3,6 @@
 //! normal is known at every sample, and its rate; what the filter (6) makes of the spring k max(0, d − d₀) is then known
 //! for every d₀, and the one that explains the estimates best (least squares) is the surface's depth.
 
-use nalgebra::SVector;
-
 use crate::environment::Environment;
 use crate::plan::nanoseconds;
 use crate::robot::Kinematics;
@@ -71,14 +69,10 @@ impl Detection {
         lag: f64,
         noise: f64,
     ) {
-        let normal = environment.normal;
-        let outward = |vector: &SVector<f64, D>| normal.dot(vector);
-        let position =
-            SVector::<f64, D>::from_fn(|axis, _| if axis < 3 { kinematics.pose.position[axis] } else { 0.0 });
         self.push(Felt {
             stamp: sample.stamp,
-            depth: -outward(&position),
-            speed: -outward(&(kinematics.task_jacobian::<D>() * sample.joint_velocity)),
+            depth: -environment.height(&kinematics.pose.position),
+            speed: -environment.outward_speed(&(kinematics.task_jacobian::<D>() * sample.joint_velocity)),
             pressing: environment.pressing_force(&sample.wrench),
         });
         if !in_contact {
@@ -94,15 +88,11 @@ impl Detection {
         if !reaches_back {
             return;
         }
-        let stiffness = normal.dot(&(environment.stiffness * normal));
+        let stiffness = environment.normal_stiffness();
         let (surface, sensitivity) = surface_depth(window, lag, stiffness);
         if surface.is_finite() && sensitivity > 0.0 {
             self.uncertainty = 2.0 * noise * stiffness / sensitivity;
-            let contact = &mut environment.contact.position;
-            let height = (0..D.min(3)).map(|axis| normal[axis] * contact[axis]).sum::<f64>();
-            for axis in 0..D.min(3) {
-                contact[axis] -= (surface + height) * normal[axis];
-            }
+            environment.raise(-surface - environment.height(&environment.contact.position));
         }
     }
 

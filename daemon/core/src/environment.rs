@@ -38,6 +38,23 @@ impl<const D: usize> Environment<D> {
         self.pressing_force(&(self.stiffness * indentation))
     }
 
+    /// Stiffness k in N/m along the normal: nᵀ K_e n.
+    pub fn normal_stiffness(&self) -> f64 {
+        self.normal.dot(&(self.stiffness * self.normal))
+    }
+
+    /// Moves the surface by `height` m along its outward normal.
+    pub(crate) fn raise(&mut self, height: f64) {
+        for axis in 0..D.min(3) {
+            self.contact.position[axis] += height * self.normal[axis];
+        }
+    }
+
+    /// Height in m of a position along the outward normal.
+    pub(crate) fn height(&self, position: &Vector3<f64>) -> f64 {
+        (0..D.min(3)).map(|axis| self.normal[axis] * position[axis]).sum()
+    }
+
     /// Speed in m/s of a twist out of the surface: nᵀṗ, negative when approaching.
     pub fn outward_speed(&self, twist: &SVector<f64, D>) -> f64 {
         self.normal.dot(twist)

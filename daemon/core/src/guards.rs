@@ -38,11 +38,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
 
     /// Whether the minimum force holds: contact that is lost now is lost against the law.
     pub(crate) fn should_keep_contact(&self, sample: &Sample<N, D>) -> bool {
-        let leaves = self.parameters.environment.outward_speed(&sample.twist_reference) > stopping::STANDSTILL;
         let mpc = &self.parameters.mpc;
         self.parameters.law == Law::Mpc
             && mpc.lower_bound == LowerBound::OnceReached
-            && !leaves
+            && !stopping::is_outward(&self.parameters, &sample.twist_reference)
             && self.reached.contains(&true)
     }
 
@@ -80,12 +79,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// not trust that model, which says that the spring presses with `force` (N, below 0 above the surface).
     fn believe(&mut self, pressing: f64, force: f64) {
         let environment = &mut self.parameters.environment;
-        let stiffness = environment.normal.dot(&(environment.stiffness * environment.normal));
         // At least what f̂ shows, which lags behind; then what it shows beyond what it should.
         let missing = if pressing > force { pressing - force } else { pressing - self.expected.pressing };
-        for axis in 0..D.min(3) {
-            environment.contact.position[axis] += missing / stiffness * environment.normal[axis];
-        }
+        environment.raise(missing / environment.normal_stiffness());
         (self.expected.pressing, self.expected.force) = (pressing, force + missing);
     }
 

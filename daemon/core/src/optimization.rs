@@ -119,7 +119,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             InputSelection::All => self.parameters.thresholds.admittance,
         };
         let model = self.model(sample, pose);
-        let leaves = self.parameters.environment.outward_speed(&sample.twist_reference) > stopping::STANDSTILL;
+        let leaves = stopping::is_outward(&self.parameters, &sample.twist_reference);
         let mut bounds = ForceBounds::none();
         let mut holds = false;
         for axis in 0..D {

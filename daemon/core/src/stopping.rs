@@ -17,7 +17,7 @@ pub(crate) const SLACK: Slack = Slack { softened: Softened::Maximum, price: 1e3,
 /// R of the stop, relative to its velocity weight: only enough to make the QP strictly convex.
 const INPUT_WEIGHT: f64 = 1e-2;
 /// Normal speed in m/s that still counts as zero.
-pub(crate) const STANDSTILL: f64 = 1e-3;
+const STANDSTILL: f64 = 1e-3;
 
 /// Bounds of a stop: f_max only, the sign of each axis from the surface normal.
 pub(crate) fn bounds<const N: usize, const D: usize>(parameters: &Parameters<N, D>) -> ForceBounds<D> {
@@ -51,8 +51,9 @@ pub(crate) fn set_point<const N: usize, const D: usize>(initial: &State<N, D>) -
     SetPoint { joint_position: initial.joint_position, joint_velocity: SVector::zeros(), wrench: SVector::zeros() }
 }
 
-/// Whether the arm, when it is at `state`, may be held: it moves outward or not at all, `measured` is at most `stop_force`, and it would not exceed
-/// that while it coasts to standstill. (Held at zero normal velocity alone, unequal joint lags would drive it back in.)
+/// Whether the arm, when it is at `state`, may be held: it moves outward or not at all, `measured` is at most `stop_force`, and it
+/// would not exceed that while it coasts to standstill. (Held at zero normal velocity alone, unequal joint lags would drive it
+/// back in.)
 pub(crate) fn may_rest<const N: usize, const D: usize>(
     parameters: &Parameters<N, D>,
     model: &Model<N, D>,
@@ -99,6 +100,14 @@ pub(crate) fn retreat_twist<const N: usize, const D: usize>(
     let outward = parameters.environment.outward_speed(&translation);
     (outward > STANDSTILL.min(parameters.stopping.retreat_speed) && speed > 0.0)
         .then(|| translation * (parameters.stopping.retreat_speed / speed).min(1.0))
+}
+
+/// Whether ṗ0 leads out of the surface.
+pub(crate) fn is_outward<const N: usize, const D: usize>(
+    parameters: &Parameters<N, D>,
+    twist_reference: &SVector<f64, D>,
+) -> bool {
+    parameters.environment.outward_speed(twist_reference) > STANDSTILL
 }
 
 /// Whether ṗ0 pushes into the surface.

@@ -4,6 +4,7 @@ mod bench;
 mod closed_loop;
 mod demo;
 mod limits;
+mod offline;
 mod parallel;
 mod report;
 mod request;

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use admittanced::config::Config;
 
-use crate::{Exit, parallel, validate};
+use crate::{Exit, offline, parallel, validate};
 use approach::Approach;
 use table::Limits;
 
@@ -48,41 +48,23 @@ pub(crate) struct Args {
     /// Instants of contact within a cycle, evenly spread, that a safe speed has to be safe at.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
     instants: u32,
-    /// Threads; one for each processor when absent.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
-    /// Also draw speed against cycle time, a line for each stiffness, into this SVG file.
-    #[arg(long, value_name = "FILE")]
-    figure: Option<PathBuf>,
+    #[command(flatten)]
+    options: offline::Options,
 }
 
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     let config = validate::load(&args.config)?;
     let question = Question::new(args, &config)?;
-    let write = |path: &Path, text: &str| {
-        std::fs::write(path, text).map_err(|error| (Exit::Unavailable, format!("{}: {error}", path.display())))
-    };
-    if let Some(path) = &args.figure {
-        if question.sampling_times_s.len() < 2 {
-            return Err((Exit::Usage, "--figure: accepted with two cycle times at least".to_owned()));
-        }
-        // A typing error shows now, not after minutes.
-        write(path, "")?;
+    let options = &args.options;
+    if options.wants_figure() && question.sampling_times_s.len() < 2 {
+        return Err((Exit::Usage, "--figure: accepted with two cycle times at least".to_owned()));
     }
-    let threads = args.threads.map_or_else(parallel::processors, usize::from);
-    let limits = limits(&args.config, &config, &question, threads).map_err(|why| (Exit::Internal, why))?;
-    if let Some(path) = &args.figure {
-        write(path, &figure::svg(&limits).map_err(|why| (Exit::Internal, why))?)?;
+    options.begin_figure()?;
+    let limits = limits(&args.config, &config, &question, options.threads()).map_err(|why| (Exit::Internal, why))?;
+    if options.wants_figure() {
+        options.write_figure(&figure::svg(&limits).map_err(|why| (Exit::Internal, why))?)?;
     }
-    if args.json {
-        let json = serde_json::to_string_pretty(&limits).map_err(|error| (Exit::Internal, error.to_string()))?;
-        println!("{json}");
-    } else {
-        println!("{}", table::text(&limits));
-    }
+    options.print(&limits, || table::text(&limits))?;
     Ok(Exit::Ok)
 }
 

@@ -13,9 +13,9 @@ mod speed_figure;
 mod statistics;
 mod table;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use crate::{Exit, parallel};
+use crate::{Exit, offline, parallel};
 use controller::{Profile, Variant};
 use draw::Draw;
 use statistics::Case;
@@ -50,15 +50,8 @@ struct VerdictArgs {
     /// Seed of the random contacts.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Threads; one for each processor when absent.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
-    /// Also find the highest safe approach speed at each cycle time, and draw it into this SVG file.
-    #[arg(long, value_name = "FILE")]
-    figure: Option<PathBuf>,
+    #[command(flatten)]
+    options: offline::Options,
 }
 
 #[derive(Debug, clap::Args)]
@@ -90,28 +83,17 @@ fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
 }
 
 fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
-    let threads = args.threads.map_or_else(parallel::processors, usize::from);
-    let write = |path: &Path, text: &str| {
-        std::fs::write(path, text).map_err(|error| (Exit::Unavailable, format!("{}: {error}", path.display())))
-    };
-    if let Some(path) = &args.figure {
-        // A typing error shows now, not after the study.
-        write(path, "")?;
-    }
+    let (options, threads) = (&args.options, args.options.threads());
+    options.begin_figure()?;
     let cases = cases(args.seed, args.runs, threads).map_err(|why| (Exit::Internal, why))?;
     let mut figures = statistics::figures(args.seed, &cases);
-    if let Some(path) = &args.figure {
+    if options.wants_figure() {
         let speeds = speed_figure::speeds(threads).map_err(|why| (Exit::Internal, why))?;
         let svg = speed_figure::svg(&speeds).map_err(|why| (Exit::Internal, why))?;
-        write(path, &svg)?;
+        options.write_figure(&svg)?;
         figures.approach_speeds = Some(speeds);
     }
-    if args.json {
-        let json = serde_json::to_string_pretty(&figures).map_err(|error| (Exit::Internal, error.to_string()))?;
-        println!("{json}");
-    } else {
-        println!("{}", table::table(&figures));
-    }
+    options.print(&figures, || table::table(&figures))?;
     Ok(Exit::Ok)
 }
 
