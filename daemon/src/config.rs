@@ -22,8 +22,10 @@ config_enum! {
     pub enum Wait {
         /// Blocks until the motion controller notifies: least processor time, slowest to wake.
         Event = "event",
-        /// Blocks until shortly before the next sample is due, then spins.
+        /// Sleeps until shortly before the next sample is due, then spins.
         Hybrid = "hybrid",
+        /// Spins as long as samples come: fastest, and takes a whole processor, which should be isolated (admittancectl doctor).
+        Spin = "spin",
     }
 }
 

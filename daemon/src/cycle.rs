@@ -32,6 +32,8 @@ pub struct CycleReport {
     pub wrong_rate: Option<f64>,
     /// Singular pose, if that is why the arm is stopped.
     pub singular: Option<Singular>,
+    /// When the solver ended, ns of CLOCK_MONOTONIC; 0 when it was not called. A measurement, no part of the answer.
+    pub solver_ended_ns: u64,
 }
 
 /// A controller for some arm, on wire samples.
@@ -106,7 +108,7 @@ fn build_arm<const N: usize, const D: usize>(config: &Config) -> Result<Box<dyn 
 }
 
 impl<const N: usize, const D: usize> ArmCycle<N, D> {
-    fn write(&self, outcome: &Outcome<N, D>, stamp: u64, command: &mut CommandSample) -> CycleReport {
+    fn write(&mut self, outcome: &Outcome<N, D>, stamp: u64, command: &mut CommandSample) -> CycleReport {
         wire::write_outcome(command, outcome, &self.controller);
         command.valid_until_ns = stamp.saturating_add(self.command_delay).saturating_add(self.controller.validity());
         CycleReport {
@@ -116,6 +118,7 @@ impl<const N: usize, const D: usize> ArmCycle<N, D> {
             limited: outcome.limited,
             wrong_rate: self.controller.history().wrong_rate(&self.parameters.timing),
             singular: self.controller.singular(),
+            solver_ended_ns: self.controller.solver_mut().take_end(),
         }
     }
 }

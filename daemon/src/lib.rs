@@ -4,14 +4,18 @@
 //! the outcome into a command (`wire`) → `realtime_thread` publishes it, and a record to `service_thread` through `channel`.
 
 mod args;
+mod arrival;
 mod channel;
 pub mod clarabel_solver;
 pub mod config;
 pub mod cycle;
 mod instance_lock;
 mod log;
+mod notifications;
 mod notify;
 pub mod parameters;
+#[doc(hidden)]
+pub mod probe;
 mod realtime_thread;
 mod service_thread;
 mod solver;

@@ -3,23 +3,23 @@
 use std::mem::MaybeUninit;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::Sender;
-use std::time::Duration;
 
 use admittance_core::mode::Mode;
 use admittance_core::plan::nanoseconds;
 use admittance_host::clock::{monotonic_ns, sleep_until_ns};
 use admittance_host::exit::ExitCode;
-use admittance_host::realtime::{RealtimeSection, StepReport, apply_to_thread, lock_memory};
+use admittance_host::realtime::{RealtimeSection, StepReport, go_real_time};
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use ipc_types::services::{self, Access};
-use ipc_types::{
-    CommandSample, IpcSettings, Listener, Motion, Node, Notifier, Publisher, StateSample, StopReason, Subscriber,
-};
+use ipc_types::{CommandSample, IpcSettings, Motion, Node, Notifier, Publisher, StateSample, StopReason, Subscriber};
 
+use crate::arrival::ArrivalEstimate;
 use crate::channel::{CycleRecord, Order, RealtimeEnd, Reply};
 use crate::config::{Config, Wait};
 use crate::cycle::{Cycle, CycleReport};
+use crate::notifications::Notifications;
+use crate::probe::Probe;
 
 /// What the thread needs to begin.
 pub(crate) struct RealtimeThread {
@@ -37,7 +37,8 @@ pub(crate) struct LoopTiming {
     answer_budget: u64,
     max_sample_age: u64,
     sampling_time: u64,
-    /// How long to spin before and after a sample is due; 0 never.
+    wait: Wait,
+    /// With [`Wait::Hybrid`]: how long to spin before and after a sample is due.
     spin: u64,
 }
 
@@ -47,10 +48,8 @@ impl LoopTiming {
             answer_budget: nanoseconds(config.control.answer_budget_s),
             max_sample_age: nanoseconds(config.control.max_sample_age_s),
             sampling_time: nanoseconds(config.control.sampling_time_s),
-            spin: match config.control.wait {
-                Wait::Event => 0,
-                Wait::Hybrid => nanoseconds(config.control.spin_s),
-            },
+            wait: config.control.wait,
+            spin: nanoseconds(config.control.spin_s),
         }
     }
 }
@@ -64,7 +63,7 @@ pub(crate) type Started = Result<Vec<StepReport>, (ExitCode, String)>;
 /// Ports of the thread. They cannot move to another thread, so they are made where they are used; the node goes last.
 struct Ports {
     states: Subscriber<StateSample>,
-    arrivals: Listener,
+    arrivals: Notifications,
     commands: Publisher<CommandSample>,
     answered: Notifier,
     _node: Node,
@@ -82,7 +81,7 @@ impl Ports {
         let command_arrival = services::command_arrival(&node, instance, create).map_err(|e| text(&e))?;
         Ok(Self {
             states: state.subscriber().map_err(|e| text(&e))?,
-            arrivals: state_arrival.listener().map_err(|e| text(&e))?,
+            arrivals: Notifications::new(state_arrival.listener().map_err(|e| text(&e))?),
             commands: command.publisher().map_err(|e| text(&e))?,
             answered: command_arrival.notifier().map_err(|e| text(&e))?,
             _node: node,
@@ -92,7 +91,7 @@ impl Ports {
 
 impl RealtimeThread {
     /// The thread's body: opens the ports, goes real-time, tells `started`, and answers samples until it is stopped.
-    pub(crate) fn run(self, started: &Sender<Started>) -> ExitCode {
+    pub(crate) fn run(self, started: &Sender<Started>, probe: impl Probe) -> ExitCode {
         // A dropped receiver means that the process is ending already.
         let tell = |outcome: Started| drop(started.send(outcome));
         let ports = match Ports::open(&self.settings) {
@@ -102,18 +101,18 @@ impl RealtimeThread {
                 return ExitCode::Unavailable;
             }
         };
-        let mut reports = vec![lock_memory(&self.realtime)];
-        reports.extend(apply_to_thread(&self.realtime));
-        tell(Ok(reports));
+        // With the ports there: what they map is then locked and present, or all of it is refused in words.
+        tell(Ok(go_real_time(&self.realtime)));
         let mut cycle_loop = Loop {
             ports: &ports,
             timing: self.timing,
             cycle: self.cycle,
             channel: self.channel,
             command: CommandSample { boot_id: self.boot_id, ..CommandSample::zeroed() },
-            last_stamp: 0,
+            arrival: ArrivalEstimate::new(self.timing.sampling_time),
             late: 0,
             stopping: false,
+            probe,
         };
         match catch_unwind(AssertUnwindSafe(|| cycle_loop.run())) {
             Ok(()) => ExitCode::Ok,
@@ -144,21 +143,21 @@ fn hold(command: &mut CommandSample) {
     command.plan_length = 0;
 }
 
-struct Loop<'a> {
+struct Loop<'a, P> {
     ports: &'a Ports,
     timing: LoopTiming,
     cycle: Box<dyn Cycle + Send>,
     channel: RealtimeEnd,
     /// The last command.
     command: CommandSample,
-    /// Stamp of the last sample in ns.
-    last_stamp: u64,
+    arrival: ArrivalEstimate,
     /// Answers published after their deadline.
     late: u64,
     stopping: bool,
+    probe: P,
 }
 
-impl Loop<'_> {
+impl<P: Probe> Loop<'_, P> {
     fn run(&mut self) {
         // Loaning allocates: the slot for the next command is loaned in the slack after the last.
         let mut slot = self.ports.commands.loan_uninit().ok();
@@ -169,15 +168,25 @@ impl Loop<'_> {
             if self.stopping && matches!(self.cycle.mode(), Mode::Idle | Mode::Stopped) {
                 return;
             }
+            self.probe.looking();
             let sample = self.ports.states.receive().ok().flatten();
             let received = monotonic_ns();
+            // When the law first asked for the time: what comes before is not the solver's.
+            let mut asked = 0;
             let (report, wrench) = if let Some(state) = sample {
                 let deadline = state.stamp_ns.saturating_add(self.timing.answer_budget);
-                let report = self.cycle.answer(&state, received, &mut || monotonic_ns() >= deadline, &mut self.command);
-                // What is not on this clock tells nothing about the next sample.
-                self.last_stamp = state.stamp_ns.min(received);
+                let mut expired = || {
+                    let now = monotonic_ns();
+                    asked = if asked == 0 { now } else { asked };
+                    now >= deadline
+                };
+                let report = self.cycle.answer(&state, received, &mut expired, &mut self.command);
+                self.arrival.see(state.boot_id, state.sequence, state.stamp_ns, received);
                 (report, state.wrench)
             } else {
+                if self.ports.arrivals.take() {
+                    continue;
+                }
                 if received.saturating_sub(last_event) < self.timing.max_sample_age {
                     self.wait(received, last_event);
                     continue;
@@ -187,32 +196,38 @@ impl Loop<'_> {
             last_event = received;
             // Before the first sample there is nothing to answer.
             if self.command.state_sequence > 0 {
-                self.publish(slot.take(), received);
+                self.publish(slot.take(), received, report.solver_ended_ns.saturating_sub(asked));
                 slot = self.ports.commands.loan_uninit().ok();
                 self.record(report, wrench);
+                self.ports.arrivals.take();
             }
         }
     }
 
-    /// Waits for the next sample, or until a silence has lasted long enough to be one.
-    ///
-    /// A sample is due one sampling time after the stamp of the last one: on the controller's own clock, so that a sample
-    /// that came late does not shift the next. Around that instant the thread spins; a blocked thread wakes far later.
+    /// Waits for the next sample, or until a silence has lasted long enough to be one. It may return before either.
     fn wait(&self, now: u64, last_event: u64) {
-        let due = self.last_stamp.saturating_add(self.timing.sampling_time);
-        let (from, to) = (due.saturating_sub(self.timing.spin), due.saturating_add(self.timing.spin));
-        if self.timing.spin > 0 && now < from {
-            sleep_until_ns(from);
-        } else if self.timing.spin > 0 && now < to {
-            std::hint::spin_loop();
-        } else {
-            let timeout = Duration::from_nanos(self.timing.max_sample_age.saturating_sub(now - last_event));
-            // A wait that fails ends as a silence.
-            let _ = self.ports.arrivals.timed_wait(|_| {}, timeout);
+        match self.timing.wait {
+            // Without a controller there is nothing to be fast for.
+            Wait::Spin => {
+                let silent = self.timing.max_sample_age;
+                if self.arrival.next().is_some_and(|due| now < due.saturating_add(silent)) {
+                    return std::hint::spin_loop();
+                }
+            }
+            Wait::Event => {}
+            // Around the instant at which the sample is due the thread spins: a blocked one wakes far later.
+            Wait::Hybrid => {
+                let spin = self.timing.spin;
+                if let Some(due) = self.arrival.next().filter(|due| now < due.saturating_add(spin)) {
+                    let from = due.saturating_sub(spin);
+                    return if now < from { sleep_until_ns(from) } else { std::hint::spin_loop() };
+                }
+            }
         }
+        self.ports.arrivals.block(self.timing.max_sample_age.saturating_sub(now - last_event));
     }
 
-    fn publish(&mut self, slot: Option<Slot>, received: u64) {
+    fn publish(&mut self, slot: Option<Slot>, received: u64, solver_time: u64) {
         let Some(slot) = slot else { return };
         let now = monotonic_ns();
         let late = now > self.command.state_stamp_ns.saturating_add(self.timing.answer_budget);
@@ -223,6 +238,7 @@ impl Loop<'_> {
         self.command.late_count = self.late;
         // Nobody may be listening yet: that is no failure.
         let _ = slot.write_payload(self.command).send();
+        self.probe.sent(&self.command, solver_time);
         let _ = self.ports.answered.notify();
     }
 
@@ -270,6 +286,7 @@ mod tests {
 
     use super::*;
     use crate::channel::channel;
+    use crate::probe::Unobserved;
 
     /// A controller with a bug.
     struct Panics;
@@ -293,6 +310,7 @@ mod tests {
                 limited: false,
                 wrong_rate: None,
                 singular: None,
+                solver_ended_ns: 0,
             }
         }
 
@@ -331,9 +349,20 @@ mod tests {
             prefix: name,
             instance: Instance::new("panics").expect("a name"),
         };
-        let realtime = RealtimeSection { lock_memory: false, priority: 0, cpu: None, require_realtime: false };
-        let timing =
-            LoopTiming { answer_budget: 1_000_000, max_sample_age: 5_000_000, sampling_time: 4_000_000, spin: 0 };
+        let realtime = RealtimeSection {
+            lock_memory: false,
+            priority: 0,
+            cpu: None,
+            cpu_dma_latency_us: None,
+            require_realtime: false,
+        };
+        let timing = LoopTiming {
+            answer_budget: 1_000_000,
+            max_sample_age: 5_000_000,
+            sampling_time: 4_000_000,
+            wait: Wait::Event,
+            spin: 0,
+        };
         let (realtime_end, _service_end) = channel();
         let thread = RealtimeThread {
             settings: settings.clone(),
@@ -344,7 +373,7 @@ mod tests {
             boot_id: 7,
         };
         let (started, start) = std::sync::mpsc::channel();
-        let handle = std::thread::spawn(move || thread.run(&started));
+        let handle = std::thread::spawn(move || thread.run(&started, Unobserved));
         start.recv().expect("the thread tells").expect("its ports open");
 
         let node = settings.node("test").expect("a node");

@@ -7,17 +7,16 @@ use admittance_host::clock::monotonic_ns;
 use admittance_host::config::LoadError;
 use admittance_host::exit::ExitCode;
 use admittance_host::realtime::{StepOutcome, StepReport};
-use admittance_host::{config, cpu, logging};
+use admittance_host::{config, cpu, logging, shared_memory};
 
 use crate::args::{Args, Invocation};
 use crate::channel::channel;
-use crate::config::Config;
+use crate::config::{Config, Wait};
+use crate::probe::Unobserved;
 use crate::realtime_thread::{LoopTiming, RealtimeThread};
 use crate::service_thread::ServiceThread;
 use crate::{args, cycle, instance_lock};
 
-/// Free space in /dev/shm that the services need with room to spare: running out later is a SIGBUS, not an error.
-const SHARED_MEMORY_BYTES: u64 = 16 << 20;
 /// Stack of the real-time thread: the core keeps its horizon-sized data elsewhere, Clarabel its own on the heap.
 const STACK_BYTES: usize = 2 << 20;
 
@@ -88,10 +87,16 @@ fn run(args: Args) -> Result<ExitCode, (ExitCode, String)> {
     let handle = std::thread::Builder::new()
         .name("real-time".to_owned())
         .stack_size(STACK_BYTES)
-        .spawn(move || thread.run(&started))
+        .spawn(move || thread.run(&started, Unobserved))
         .map_err(|error| (ExitCode::Unavailable, format!("the real-time thread cannot be started: {error}")))?;
     let reports = start.recv().map_err(|_| (ExitCode::Internal, "the real-time thread ended at once".to_owned()))??;
     report(&reports, config.realtime.require_realtime)?;
+    if config.control.wait == Wait::Spin && config.realtime.priority > 0 && is_throttled() {
+        tracing::warn!(
+            "control.wait = \"spin\" with SCHED_FIFO: the kernel takes the processor away when others starve; run \
+             sysctl kernel.sched_rt_runtime_us=-1, or use \"hybrid\""
+        );
+    }
 
     let node = settings.node("admittanced service").map_err(|error| (ExitCode::Unavailable, error.to_string()))?;
     let mut service = ServiceThread::open(node, &settings.instance, service_end, args.config, config)
@@ -121,20 +126,20 @@ fn report(reports: &[StepReport], required: bool) -> Result<(), (ExitCode, Strin
     Ok(())
 }
 
+/// Whether the kernel interrupts real-time threads that never sleep.
+fn is_throttled() -> bool {
+    let runtime = std::fs::read_to_string("/proc/sys/kernel/sched_rt_runtime_us");
+    // Newer kernels may lack the throttle, and with it the file.
+    runtime.is_ok_and(|runtime| !runtime.trim_start().starts_with('-'))
+}
+
 fn check_shared_memory() -> Result<(), (ExitCode, String)> {
-    // SAFETY: an all-zero statvfs is a valid value, the path ends in a zero byte, and the call only writes to `status`.
-    let status = unsafe {
-        let mut status: libc::statvfs = std::mem::zeroed();
-        (libc::statvfs(c"/dev/shm".as_ptr(), &raw mut status) == 0).then_some(status)
-    };
-    let Some(status) = status else {
+    let Some(free) = shared_memory::free_bytes() else {
         return Err((ExitCode::Unavailable, "/dev/shm is not mounted: shared memory needs it".to_owned()));
     };
-    let free = status.f_bavail * status.f_frsize;
-    if free < SHARED_MEMORY_BYTES {
-        let text = format!(
-            "/dev/shm has {free} bytes free, accepted: at least {SHARED_MEMORY_BYTES}: free some, or enlarge it"
-        );
+    if free < shared_memory::NEEDED_BYTES {
+        let needed = shared_memory::NEEDED_BYTES;
+        let text = format!("/dev/shm has {free} bytes free, accepted: at least {needed}: free some, or enlarge it");
         return Err((ExitCode::Unavailable, text));
     }
     Ok(())

@@ -9,3 +9,4 @@ pub mod ipc_section;
 pub mod logging;
 pub mod realtime;
 pub mod robot_description;
+pub mod shared_memory;

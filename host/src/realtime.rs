@@ -1,7 +1,9 @@
-//! Scheduling of a real-time process: memory lock, SCHED_FIFO, affinity, timer slack. Each step is reported; one that the
-//! system refuses says what to change.
+//! Scheduling of a real-time process: memory lock, idle states, prefaulted stack, SCHED_FIFO, affinity, timer slack. Each step
+//! is reported; one that the system refuses says what to change.
 
-use std::io;
+use std::fs::OpenOptions;
+use std::io::{self, Write};
+use std::os::fd::IntoRawFd;
 
 use crate::config_section;
 
@@ -14,6 +16,9 @@ config_section! {
         priority: u32 = 0, unit "1", range 0..=98;
         /// Processor to run on; any when absent.
         cpu: Option<u32>, unit "1", range 0..=1023;
+        /// Keeps every processor out of idle states that take longer than this to wake from, as long as the process lives; 0
+        /// keeps them from sleeping at all. As the system has it when absent.
+        cpu_dma_latency_us: Option<u32>, unit "us", range 0..=10000;
         /// Whether a refused step is an error.
         require_realtime: bool = false;
     }
@@ -42,6 +47,17 @@ pub struct StepReport {
 /// Stack that is touched beforehand, in bytes.
 const PREFAULTED_STACK: usize = 256 * 1024;
 
+/// Where the kernel takes how long processors may take to wake. The request holds while the file is open.
+pub const CPU_DMA_LATENCY: &str = "/dev/cpu_dma_latency";
+
+/// Makes process and calling thread real-time as the section asks: memory, idle states, and [`apply_to_thread`]. Call it
+/// when shared memory is mapped, so that the lock makes it present.
+pub fn go_real_time(section: &RealtimeSection) -> Vec<StepReport> {
+    let mut reports = vec![lock_memory(section), limit_wake_up_latency(section)];
+    reports.extend(apply_to_thread(section));
+    reports
+}
+
 /// Locks the process's memory, present and future, if asked to. Call it when shared memory is mapped.
 pub fn lock_memory(section: &RealtimeSection) -> StepReport {
     let step = "lock memory".to_owned();
@@ -65,6 +81,28 @@ pub fn lock_memory(section: &RealtimeSection) -> StepReport {
     StepReport { step, outcome: outcome.map_or_else(StepOutcome::Refused, |()| StepOutcome::Done) }
 }
 
+/// Asks the kernel for idle states that wake in time, until the process ends.
+pub fn limit_wake_up_latency(section: &RealtimeSection) -> StepReport {
+    let Some(latency) = section.cpu_dma_latency_us else {
+        return StepReport { step: "limit wake-up latency".to_owned(), outcome: StepOutcome::NotRequested };
+    };
+    let request = || -> io::Result<()> {
+        let mut file = OpenOptions::new().write(true).open(CPU_DMA_LATENCY)?;
+        file.write_all(&(latency as i32).to_ne_bytes())?;
+        // Closed, the request would end: it is to last as long as the process.
+        let _ = file.into_raw_fd();
+        Ok(())
+    };
+    let outcome = request().map_or_else(
+        |error| {
+            let change = "let this user write it (a udev rule), or leave realtime.cpu_dma_latency_us out";
+            StepOutcome::Refused(format!("{CPU_DMA_LATENCY}: {error}; {change}"))
+        },
+        |()| StepOutcome::Done,
+    );
+    StepReport { step: format!("limit wake-up latency to {latency} us"), outcome }
+}
+
 /// Whether this process has CAP_IPC_LOCK, for which RLIMIT_MEMLOCK does not count.
 fn may_lock_without_limit() -> bool {
     const CAP_IPC_LOCK: u32 = 14;
@@ -86,8 +124,11 @@ pub fn apply_to_thread(section: &RealtimeSection) -> Vec<StepReport> {
         };
         reports.push(StepReport { step, outcome });
     };
-    prefault_stack();
     let real_time = section.priority > 0;
+    report(format!("prefault {} KiB of stack", PREFAULTED_STACK / 1024), real_time || section.lock_memory, &|| {
+        prefault_stack();
+        Ok(())
+    });
     report("timer slack 1 ns".to_owned(), real_time, &|| {
         // SAFETY: PR_SET_TIMERSLACK takes a number.
         checked(unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1_u64) }).map_err(|error| error.to_string())
@@ -138,13 +179,35 @@ mod tests {
     use super::*;
 
     fn section() -> RealtimeSection {
-        RealtimeSection { lock_memory: false, priority: 0, cpu: None, require_realtime: false }
+        RealtimeSection {
+            lock_memory: false,
+            priority: 0,
+            cpu: None,
+            cpu_dma_latency_us: None,
+            require_realtime: false,
+        }
     }
 
     #[test]
     fn nothing_asked_nothing_done() {
-        assert_eq!(lock_memory(&section()).outcome, StepOutcome::NotRequested);
-        assert!(apply_to_thread(&section()).iter().all(|report| report.outcome == StepOutcome::NotRequested));
+        let reports = go_real_time(&section());
+        assert!(reports.len() > 5, "{reports:?}");
+        assert!(reports.iter().all(|report| report.outcome == StepOutcome::NotRequested), "{reports:?}");
+    }
+
+    #[test]
+    fn the_request_for_idle_states_lasts() {
+        let report = limit_wake_up_latency(&RealtimeSection { cpu_dma_latency_us: Some(1234), ..section() });
+        match report.outcome {
+            StepOutcome::Done => {
+                let open = std::fs::read_dir("/proc/self/fd").expect("procfs").flatten();
+                let targets: Vec<_> = open.filter_map(|entry| std::fs::read_link(entry.path()).ok()).collect();
+                assert!(targets.iter().any(|target| target.as_os_str() == CPU_DMA_LATENCY), "{targets:?}");
+            }
+            StepOutcome::Refused(why) => assert!(why.contains(CPU_DMA_LATENCY) && why.contains("realtime."), "{why}"),
+            StepOutcome::NotRequested => panic!("it was asked for"),
+        }
+        assert!(report.step.contains("1234 us"), "{}", report.step);
     }
 
     #[test]

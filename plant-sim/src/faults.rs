@@ -9,6 +9,9 @@ pub enum FaultKind {
     Drop,
     /// The last state sample is published again and again, with its old stamp and sequence.
     Freeze,
+    /// The first sample is published in place of the last one, with its own stamp and sequence, and none in between: over k + 1
+    /// samples, one that is late by k periods.
+    Late,
     /// The wrench is not a number although the sample calls it valid.
     NanWrench,
     /// The wrench is flagged as not valid, and zero.
@@ -23,9 +26,10 @@ pub enum FaultKind {
 
 impl FaultKind {
     /// Every kind with its name in a scenario.
-    pub const ALL: [(Self, &'static str); 7] = [
+    pub const ALL: [(Self, &'static str); 8] = [
         (Self::Drop, "drop"),
         (Self::Freeze, "freeze"),
+        (Self::Late, "late"),
         (Self::NanWrench, "nan_wrench"),
         (Self::WrenchInvalid, "wrench_invalid"),
         (Self::DrivesDisabled, "drives_disabled"),
@@ -65,8 +69,20 @@ impl Faults {
         self.0.iter().any(|fault| fault.kind == kind && (fault.first..fault.end).contains(&index))
     }
 
-    /// Falsifies what the sample with this index says; [`FaultKind::Drop`], [`FaultKind::Freeze`] and
-    /// [`FaultKind::CommandLoss`] are not its matter.
+    /// Whether the sample with this index is published at all.
+    pub fn publishes(&self, index: i64) -> bool {
+        let is_held = |fault: &Fault| fault.kind == FaultKind::Late && (fault.first..fault.end - 1).contains(&index);
+        !self.active(FaultKind::Drop, index) && !self.0.iter().any(is_held)
+    }
+
+    /// Whether an older sample is shown at this index.
+    pub fn repeats(&self, index: i64) -> bool {
+        let is_late = |fault: &Fault| fault.kind == FaultKind::Late && (fault.first + 1..fault.end).contains(&index);
+        self.active(FaultKind::Freeze, index) || self.0.iter().any(is_late)
+    }
+
+    /// Falsifies what the sample with this index says; whether and when it is published, and what becomes of commands, are not
+    /// its matter.
     pub fn falsify(&self, sample: &mut StateSample, index: i64) {
         for fault in self.0.iter().filter(|fault| (fault.first..fault.end).contains(&index)) {
             match fault.kind {
@@ -77,7 +93,7 @@ impl Faults {
                 }
                 FaultKind::DrivesDisabled => sample.drives_enabled = 0,
                 FaultKind::JointCount => sample.joint_count += 1,
-                FaultKind::Drop | FaultKind::Freeze | FaultKind::CommandLoss => {}
+                FaultKind::Drop | FaultKind::Freeze | FaultKind::Late | FaultKind::CommandLoss => {}
             }
         }
     }
@@ -108,5 +124,12 @@ mod tests {
         assert_eq!(at(5), (true, 3, 1));
         assert_eq!(at(6), (false, 3, 1));
         assert!(faults.active(FaultKind::NanWrench, 3) && !faults.active(FaultKind::Drop, 3));
+    }
+
+    #[test]
+    fn a_late_sample_takes_the_place_of_the_last_one() {
+        let faults = Faults::new(vec![Fault { kind: FaultKind::Late, first: 4, end: 7 }]);
+        let seen: Vec<(bool, bool)> = (3..8).map(|index| (faults.publishes(index), faults.repeats(index))).collect();
+        assert_eq!(seen, [(true, false), (false, false), (false, true), (true, true), (true, false)]);
     }
 }

@@ -158,9 +158,9 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         &self.sample
     }
 
-    /// Whether the sample is published at all: no [`FaultKind::Drop`] acts.
+    /// Whether the sample is published at all.
     pub fn publishes(&self) -> bool {
-        !self.fault(FaultKind::Drop)
+        self.parameters.faults.publishes(self.index)
     }
 
     /// Stamp of the current sample in ns, also when a fault shows another one.
@@ -341,7 +341,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             self.delay_line.delayed(self.now_ns)
         };
         self.parameters.noise.add(&mut position, &mut velocity, &mut wrench);
-        if self.fault(FaultKind::Freeze) && self.sequence > 1 {
+        if self.parameters.faults.repeats(self.index) && self.sequence > 1 {
             return;
         }
         self.sample = StateSample {

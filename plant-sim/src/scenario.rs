@@ -110,6 +110,8 @@ config_enum! {
         Drop = "drop",
         /// The last sample is published again and again.
         Freeze = "freeze",
+        /// The first sample is published in place of the last one; none in between.
+        Late = "late",
         /// The wrench is not a number.
         NanWrench = "nan_wrench",
         /// The wrench is flagged as invalid.
@@ -128,6 +130,7 @@ impl FaultName {
         match self {
             Self::Drop => FaultKind::Drop,
             Self::Freeze => FaultKind::Freeze,
+            Self::Late => FaultKind::Late,
             Self::NanWrench => FaultKind::NanWrench,
             Self::WrenchInvalid => FaultKind::WrenchInvalid,
             Self::DrivesDisabled => FaultKind::DrivesDisabled,

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use admittance_host::clock::{monotonic_ns, sleep_then_spin_until_ns, sleep_until_ns};
 use admittance_host::config::{self, LoadError};
 use admittance_host::exit::ExitCode;
-use admittance_host::realtime::{StepOutcome, apply_to_thread, lock_memory};
+use admittance_host::realtime::{StepOutcome, go_real_time};
 use admittance_host::{cpu, logging};
 use ipc_types::services::{self, Access};
 use ipc_types::{CommandSample, IpcSettings, Node, Notifier, Publisher, StateSample, Subscriber, TruthSample};
@@ -96,9 +96,7 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
             .map_err(|error| (ExitCode::Unavailable, format!("signal handlers: {error}")))?;
     }
     let ports = Ports::open(&settings).map_err(|why| (ExitCode::Unavailable, why))?;
-    let mut reports = vec![lock_memory(&scenario.realtime)];
-    reports.extend(apply_to_thread(&scenario.realtime));
-    for report in reports {
+    for report in go_real_time(&scenario.realtime) {
         if let StepOutcome::Refused(why) = report.outcome {
             if scenario.realtime.require_realtime {
                 return Err((ExitCode::NoPermission, format!("{} was refused: {why}", report.step)));

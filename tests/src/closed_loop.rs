@@ -102,7 +102,20 @@ impl Experiment {
     ///
     /// # Panics
     /// When config or scenario cannot be set up, or the plant refuses a command.
-    pub fn run_with(&self, mut before: impl FnMut(&mut dyn Cycle, &StateSample)) -> Run {
+    pub fn run_with(&self, before: impl FnMut(&mut dyn Cycle, &StateSample)) -> Run {
+        self.run_in_time(before, |_, _| false)
+    }
+
+    /// Runs to the end of the motion like [`Self::run_with`]; `expired` is what the solver is told about a sample when it asks,
+    /// for the how manieth time from 0.
+    ///
+    /// # Panics
+    /// As [`Self::run_with`].
+    pub fn run_in_time(
+        &self,
+        mut before: impl FnMut(&mut dyn Cycle, &StateSample),
+        mut expired: impl FnMut(&StateSample, u32) -> bool,
+    ) -> Run {
         let mut cycle = cycle::build(&self.config).expect("the config describes a controller");
         let mut plant = VirtualRun::new(&self.scenario).expect("the scenario can be set up");
         let mut command = CommandSample::zeroed();
@@ -110,7 +123,12 @@ impl Experiment {
         while !plant.is_finished() {
             let state = *plant.sample().expect("no fault drops samples");
             before(cycle.as_mut(), &state);
-            let report = cycle.answer(&state, state.stamp_ns, &mut || false, &mut command);
+            let mut asked = 0;
+            let mut is_expired = || {
+                asked += 1;
+                expired(&state, asked - 1)
+            };
+            let report = cycle.answer(&state, state.stamp_ns, &mut is_expired, &mut command);
             command.sequence += 1;
             let truth = plant.advance(Some(&command)).expect("the plant takes every command");
             let contact_point = cycle.contact_point();

@@ -25,6 +25,9 @@ pub const PATIENT: [(&str, &str); 3] = [
     ("control.max_consecutive_fallbacks", "20"),
 ];
 
+/// Runs that a busy machine may spoil before a test gives up on it.
+pub const TRIES: u32 = 5;
+
 /// A TOML text with keys changed or added, each given as "section.key" and a TOML value.
 ///
 /// # Panics
@@ -101,6 +104,18 @@ pub fn ctl_command(ipc: &PrivateIpc, subcommand: &str, config: &Path) -> Command
 /// # Panics
 /// When the plant does not start or does not end well.
 pub fn run_plant(ipc: &PrivateIpc, scenario: &Path, mut each: impl FnMut(&TruthSample)) -> Vec<TruthSample> {
+    drive_plant(ipc, scenario, |_, truth| each(truth))
+}
+
+/// Runs a plant to its end like [`run_plant`]; `each` may do something to it as well.
+///
+/// # Panics
+/// As [`run_plant`].
+pub fn drive_plant(
+    ipc: &PrivateIpc,
+    scenario: &Path,
+    mut each: impl FnMut(&mut Child, &TruthSample),
+) -> Vec<TruthSample> {
     let mut plant = Child::spawn(&mut plant_command(ipc, scenario));
     let node = ipc.settings().node("test").expect("a node");
     let mut service = None;
@@ -113,7 +128,7 @@ pub fn run_plant(ipc: &PrivateIpc, scenario: &Path, mut each: impl FnMut(&TruthS
     loop {
         let ended = plant.exit_status();
         while let Ok(Some(truth)) = truths.receive() {
-            each(&truth);
+            each(&mut plant, &truth);
             series.push(*truth);
         }
         if let Some(status) = ended {

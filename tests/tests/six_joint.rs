@@ -2,7 +2,7 @@
 //! admittance axes; in virtual time, and once with both real processes.
 
 use end_to_end::closed_loop::{Experiment, Run};
-use end_to_end::session::{daemon_command, run_plant, with_keys, write};
+use end_to_end::session::{TRIES, daemon_command, run_plant, with_keys, write};
 use end_to_end::{Child, PATIENCE, PrivateIpc};
 use plant_sim::scenario::Scenario;
 use plant_sim::summary::Summary;
@@ -11,8 +11,6 @@ const CONFIG: &str = include_str!("../../deploy/six-joint.toml");
 const SCENARIO: &str = include_str!("../../plant-sim/scenarios/six-joint.toml");
 /// f_max on z in N, and what the linear model may miss of it.
 const MOST: f64 = 150.0 + 0.5;
-/// Runs that a busy machine may spoil before the test gives up on it.
-const TRIES: u32 = 5;
 
 /// As shipped, with this command delay and these admittance axes.
 fn experiment(axes: [bool; 6], delay: f64) -> Experiment {

@@ -1,7 +1,7 @@
 //! Daemon and plant as two real processes over real shared memory, in real time.
 
 use end_to_end::session::{
-    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, daemon_command, run_plant, start_daemon, wait_for_log,
+    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, TRIES, daemon_command, run_plant, start_daemon, wait_for_log,
     with_keys, write,
 };
 use end_to_end::{Child, PATIENCE, PrivateIpc};
@@ -9,8 +9,6 @@ use ipc_types::{Motion, TruthSample};
 use plant_sim::scenario::Scenario;
 use plant_sim::summary::Summary;
 
-/// Runs that a busy machine may spoil before a test gives up on it.
-const TRIES: u32 = 5;
 /// Tests are not built for release: the command acts after a millisecond instead of the demo's quarter.
 const DELAY: (&str, &str) = ("timing.command_delay_s", "0.001");
 

@@ -117,6 +117,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         &self.plan
     }
 
+    /// The solver, for what it keeps beside its answers.
+    pub fn solver_mut(&mut self) -> &mut S {
+        &mut self.solver
+    }
+
     /// The mode.
     pub fn mode(&self) -> Mode {
         self.mode

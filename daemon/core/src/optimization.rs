@@ -389,7 +389,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
                     None => Optimized::Failed { iterations },
                 };
             }
-            QpOutcome::Expired { .. } => return Optimized::Expired { iterations },
+            QpOutcome::Expired { .. } => {
+                // The next cycle goes on from here: from nothing it would take as long again.
+                self.warm_start.learn(&rows.layout, &self.horizon, sample.stamp, answer.working);
+                return Optimized::Expired { iterations };
+            }
             QpOutcome::Failed { .. } => return Optimized::Failed { iterations },
         };
         self.warm_start.learn(&rows.layout, &self.horizon, sample.stamp, answer.working);

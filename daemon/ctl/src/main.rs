@@ -3,6 +3,7 @@
 mod bench;
 mod closed_loop;
 mod demo;
+mod doctor;
 mod limits;
 mod offline;
 mod parallel;
@@ -28,7 +29,7 @@ type Exit = admittance_host::exit::ExitCode;
 )]
 #[command(after_help = "Examples:\n  admittancectl demo\n  admittancectl validate /etc/admittanced/cell-3.toml\n  \
     admittancectl status --instance cell-3\n\nExit codes: 0 done, 1 claim not met, 64 usage, 65 malformed data, 66 no such file, 69 no daemon \
-    answers, 75 machine too busy, 78 configuration.")]
+    answers, 75 machine too busy, 77 no permission, 78 configuration.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -44,9 +45,11 @@ enum Command {
     Status(request::StatusArgs),
     /// Release a stopped daemon, once nothing pushes into the surface any more.
     Reset(request::ResetArgs),
+    /// Check whether this machine can keep a deadline, and say what to change; nothing is changed.
+    Doctor(doctor::Args),
     /// Print the shared-memory contract, for clients in other languages.
     Schema(schema::Args),
-    /// Time the solver on this machine.
+    /// Time the solver, or the whole cycle, on this machine.
     Bench(bench::Args),
     /// Find the highest approach speeds that stay safe, over stiffness and cycle time.
     Limits(limits::Args),
@@ -58,6 +61,9 @@ enum Command {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<std::ffi::OsString>,
     },
+    /// The daemon's real-time thread in this process, observed: what bench jitter starts.
+    #[command(hide = true)]
+    RoleObservedDaemon(bench::ObservedArgs),
     /// The plant itself, in this process: what the demo starts.
     #[command(hide = true, disable_help_flag = true)]
     RolePlant {
@@ -86,11 +92,13 @@ fn main() -> ExitCode {
         Command::Validate(args) => validate::run(&args),
         Command::Status(args) => request::status(&args),
         Command::Reset(args) => request::reset(&args),
+        Command::Doctor(args) => doctor::run(&args),
         Command::Schema(args) => schema::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Limits(args) => limits::run(&args),
         Command::Study(args) => study::run(&args),
         Command::RoleDaemon { arguments } => Ok(admittanced::main_with_args(arguments.into_iter())),
+        Command::RoleObservedDaemon(args) => bench::observed::run(&args),
         Command::RolePlant { arguments } => Ok(plant_sim::main_with_args(arguments.into_iter())),
     };
     match outcome {

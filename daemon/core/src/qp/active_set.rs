@@ -145,6 +145,9 @@ impl<B: AsMut<[f64]>> QpSolver for ActiveSet<B> {
             max_iterations: self.max_iterations,
         };
         let ended = run.solve(answer, expired);
+        if matches!(ended, Err(Ended::Expired)) {
+            run.write_working(answer.working);
+        }
         let iterations = run.iterations;
         match ended {
             Ok(()) => QpOutcome::Solved { iterations },
@@ -194,15 +197,20 @@ impl Run<'_, '_> {
                 self.take_nearest(expired)?;
             }
         }
-        answer.working.fill(RowState::Inactive);
+        self.write_working(answer.working);
         answer.multipliers.fill(0.0);
         for member in &self.working.members[..self.working.len] {
-            let row = usize::from(member.row);
-            answer.working[row] = member.side;
             // One that counts as zero must not seem to push at the other bound.
-            answer.multipliers[row] = signed(member.side, member.multiplier.max(0.0));
+            answer.multipliers[usize::from(member.row)] = signed(member.side, member.multiplier.max(0.0));
         }
         Ok(())
+    }
+
+    fn write_working(&self, working: &mut [RowState]) {
+        working.fill(RowState::Inactive);
+        for member in &self.working.members[..self.working.len] {
+            working[usize::from(member.row)] = member.side;
+        }
     }
 
     /// W from the guess, without the rows that depend on others or do not push: then λ ≥ 0, as the method needs it.

@@ -86,8 +86,8 @@ pub struct Answer<'a> {
     /// Multiplier of each row: positive where the upper bound pushes, negative where the lower does. After
     /// [`QpOutcome::Infeasible`] they are the certificate: Aᵀy = 0 and Σ y⁺ upper − Σ y⁻ lower < 0.
     pub multipliers: &'a mut [f64],
-    /// The working set, one entry a row: a guess before, that of the answer (or of the certificate) after. A wrong guess costs time,
-    /// nothing else.
+    /// The working set, one entry a row: a guess before, that of the answer (or of the certificate) after; when the time was up,
+    /// how far it came: a guess to go on from. A wrong guess costs time, nothing else.
     pub working: &'a mut [RowState],
 }
 

@@ -2,7 +2,7 @@
 //! plant as processes of their own, in real time, over shared memory.
 
 mod claims;
-mod session;
+pub(crate) mod session;
 
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ use serde::Serialize;
 use crate::{Exit, report};
 
 /// The scenario of every run.
-const SCENARIO: &str = include_str!("../../../../plant-sim/scenarios/paper.toml");
+pub(crate) const SCENARIO: &str = include_str!("../../../../plant-sim/scenarios/paper.toml");
 /// The force limit of the experiment in N.
 pub(crate) const LIMIT_N: f64 = 200.0;
 /// Runs repeated for want of a quiet machine, per controller.

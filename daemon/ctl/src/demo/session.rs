@@ -22,7 +22,7 @@ const POLL: Duration = Duration::from_millis(10);
 /// How long the processes may take to open their services, and to end.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-struct Session {
+pub(crate) struct Session {
     directory: TempDir,
     settings: IpcSettings,
     children: Vec<(&'static str, Child)>,
@@ -77,7 +77,8 @@ pub(crate) fn run(
 }
 
 impl Session {
-    fn new(scenario: &Scenario) -> Result<Self, (Exit, String)> {
+    /// A place of their own for the processes of this scenario.
+    pub(crate) fn new(scenario: &Scenario) -> Result<Self, (Exit, String)> {
         let unavailable = |error: std::io::Error| (Exit::Unavailable, format!("no private directory in /tmp: {error}"));
         // Sockets are limited to 108 bytes: a short path, whatever TMPDIR says.
         let directory = tempfile::Builder::new().prefix("adm").tempdir_in("/tmp").map_err(unavailable)?;
@@ -89,7 +90,13 @@ impl Session {
         Ok(Self { directory, settings, children: Vec::new() })
     }
 
-    fn write(&self, name: &str, text: &str) -> Result<PathBuf, (Exit, String)> {
+    /// Where the processes meet.
+    pub(crate) fn settings(&self) -> &IpcSettings {
+        &self.settings
+    }
+
+    /// Writes a file that goes with the session.
+    pub(crate) fn write(&self, name: &str, text: &str) -> Result<PathBuf, (Exit, String)> {
         let path = self.directory.path().join(name);
         std::fs::write(&path, text).map_err(|error| (Exit::Unavailable, format!("{}: {error}", path.display())))?;
         Ok(path)
@@ -99,7 +106,8 @@ impl Session {
         self.directory.path().join(format!("{name}.log"))
     }
 
-    fn start(&mut self, name: &'static str, role: &str, arguments: &[&OsStr]) -> Result<(), (Exit, String)> {
+    /// Starts this program in a hidden role, in the session's place.
+    pub(crate) fn start(&mut self, name: &'static str, role: &str, arguments: &[&OsStr]) -> Result<(), (Exit, String)> {
         let failed =
             |error: std::io::Error| (Exit::Unavailable, format!("the {name} process cannot be started: {error}"));
         let log = File::create(self.log_path(name)).map_err(failed)?;
@@ -116,7 +124,10 @@ impl Session {
     }
 
     /// Subscribes to the truth as soon as the plant has opened it.
-    fn watch(&mut self, interrupted: &dyn Fn() -> bool) -> Result<(Node, Subscriber<TruthSample>), (Exit, String)> {
+    pub(crate) fn watch(
+        &mut self,
+        interrupted: &dyn Fn() -> bool,
+    ) -> Result<(Node, Subscriber<TruthSample>), (Exit, String)> {
         let node = self.settings.node("admittancectl demo").map_err(|error| (Exit::Unavailable, error.to_string()))?;
         let give_up = Instant::now() + PATIENCE;
         loop {
@@ -141,16 +152,18 @@ impl Session {
         }
     }
 
-    fn child(&mut self, name: &str) -> Option<&mut Child> {
+    /// A process by its name.
+    pub(crate) fn child(&mut self, name: &str) -> Option<&mut Child> {
         self.children.iter_mut().find(|(known, _)| *known == name).map(|(_, child)| child)
     }
 
-    fn exit_status(&mut self, name: &str) -> Option<ExitStatus> {
+    /// How a process ended; `None` while it runs.
+    pub(crate) fn exit_status(&mut self, name: &str) -> Option<ExitStatus> {
         self.child(name)?.try_wait().ok().flatten()
     }
 
     /// Ends a process by SIGTERM and expects it to end well.
-    fn end(&mut self, name: &'static str) -> Result<(), (Exit, String)> {
+    pub(crate) fn end(&mut self, name: &'static str) -> Result<(), (Exit, String)> {
         if let Some(child) = self.child(name) {
             terminate(child);
             let status = wait(child, PATIENCE);
@@ -163,7 +176,15 @@ impl Session {
         Ok(())
     }
 
-    fn failure(&self, name: &str, status: ExitStatus) -> (Exit, String) {
+    /// Why the daemon stopped the arm, as its log has it.
+    pub(crate) fn stop_reason(&self) -> Option<String> {
+        let log = std::fs::read_to_string(self.log_path("daemon")).ok()?;
+        let line = log.lines().find_map(|line| line.split_once("Stopped: "))?;
+        Some(line.1.to_owned())
+    }
+
+    /// What a process that ended badly says, with its exit code.
+    pub(crate) fn failure(&self, name: &str, status: ExitStatus) -> (Exit, String) {
         let code = status.code().and_then(Exit::from_code).filter(|code| *code != Exit::Ok).unwrap_or(Exit::Internal);
         (code, format!("the {name} process ended with {status}:\n{}", tail(&self.log_path(name))))
     }

@@ -1,4 +1,4 @@
-//! `admittancectl bench`: how fast this machine solves.
+//! `admittancectl bench solver`: how fast this machine solves.
 
 use std::path::PathBuf;
 
@@ -9,23 +9,11 @@ use comfy_table::Table;
 use crate::Exit;
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  admittancectl bench solver daemon/judge/problems/*.bin\n  \
+    admittancectl bench solver daemon/judge/problems/d6c3_h20.bin --json\n\nThe format of the files is described in \
+    daemon/judge/src/problem_file.rs. Times in µs, condensation included; ratio: median of Clarabel in its faster form over the \
+    warm median.")]
 pub(crate) struct Args {
-    #[command(subcommand)]
-    what: What,
-}
-
-#[derive(Debug, clap::Subcommand)]
-enum What {
-    /// Solve the MPC problems of some files over and over, beside Clarabel in the same run.
-    #[command(after_help = "Examples:\n  admittancectl bench solver daemon/judge/problems/*.bin\n  \
-        admittancectl bench solver daemon/judge/problems/d6c3_h20.bin --json\n\nThe format of the files is described in \
-        daemon/judge/src/problem_file.rs. Times in µs, condensation included; ratio: median of Clarabel in its faster form \
-        over the warm median.")]
-    Solver(SolverArgs),
-}
-
-#[derive(Debug, clap::Args)]
-struct SolverArgs {
     /// Files of problems with their exact solutions.
     #[arg(required = true)]
     files: Vec<PathBuf>,
@@ -35,7 +23,6 @@ struct SolverArgs {
 }
 
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
-    let What::Solver(args) = &args.what;
     // All files are read before the first is timed: a typing error shows at once.
     let mut files = Vec::new();
     for path in &args.files {

@@ -1,0 +1,29 @@
+//! `admittancectl bench`: how fast this machine is, at what the daemon needs of it.
+
+mod jitter;
+mod solver;
+
+use crate::Exit;
+
+pub(crate) use jitter::observed::{self, Args as ObservedArgs};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    /// Solve the MPC problems of some files over and over, beside Clarabel in the same run.
+    Solver(solver::Args),
+    /// Time plant, daemon and plant again in real time, beside a loop that does nothing, in the same run.
+    Jitter(jitter::Args),
+}
+
+pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
+    match &args.what {
+        What::Solver(args) => solver::run(args),
+        What::Jitter(args) => jitter::run(args),
+    }
+}

@@ -1,0 +1,343 @@
+//! Each check: what was found, whether that is well, and exactly what to change.
+
+use admittance_host::realtime::CPU_DMA_LATENCY;
+use admittance_host::shared_memory::NEEDED_BYTES;
+
+use super::machine::{Machine, processors};
+use super::{Asked, Check, Status};
+
+const CAP_IPC_LOCK: u32 = 14;
+const CAP_SYS_NICE: u32 = 23;
+
+/// All checks, in the order of what matters most to timing.
+pub(crate) fn all(machine: &Machine, asked: &Asked) -> Vec<Check> {
+    vec![
+        preemption(machine),
+        throttling(machine, asked),
+        governor(machine),
+        isolation(machine, asked),
+        processor(machine, asked),
+        memory_lock(machine, asked),
+        priority(machine, asked),
+        wake_up_latency(machine, asked),
+        shared_memory(machine),
+        clock_source(machine),
+    ]
+}
+
+/// What is needed, is it asked for and missing: refused where the daemon would not start or run, else a warning.
+fn missing(is_fatal: bool) -> Status {
+    if is_fatal { Status::Refused } else { Status::Warning }
+}
+
+fn check(name: &'static str, status: Status, found: impl Into<String>, change: impl Into<String>) -> Check {
+    Check { name, status, found: found.into(), change: change.into() }
+}
+
+fn ok(name: &'static str, found: impl Into<String>) -> Check {
+    check(name, Status::Ok, found, "")
+}
+
+fn preemption(machine: &Machine) -> Check {
+    let name = "preemption";
+    let is_realtime = machine.realtime.as_deref() == Some("1") || machine.kernel_version.contains("PREEMPT_RT");
+    if is_realtime {
+        return ok(name, "PREEMPT_RT");
+    }
+    let found = ["PREEMPT_DYNAMIC", "PREEMPT"].into_iter().find(|word| machine.kernel_version.contains(word));
+    let change = "install a PREEMPT_RT kernel (Debian: apt install linux-image-rt-amd64)";
+    check(name, Status::Warning, found.unwrap_or("no PREEMPT_RT"), change)
+}
+
+fn throttling(machine: &Machine, asked: &Asked) -> Check {
+    let name = "real-time throttling";
+    let Some(text) = &machine.rt_runtime_us else { return ok(name, "none in this kernel") };
+    match text.parse::<i64>() {
+        Ok(runtime) if runtime < 0 => ok(name, "off"),
+        Ok(runtime) => {
+            let found = format!("{runtime} us of each second's 1000000 us for real-time threads");
+            // Only a thread that never sleeps gets there.
+            let status = if asked.spins { Status::Warning } else { Status::Ok };
+            let change =
+                if asked.spins { "sysctl -w kernel.sched_rt_runtime_us=-1, or control.wait = \"hybrid\"" } else { "" };
+            check(name, status, found, change)
+        }
+        Err(_) => check(name, Status::Warning, text.clone(), "read /proc/sys/kernel/sched_rt_runtime_us: not a number"),
+    }
+}
+
+fn governor(machine: &Machine) -> Check {
+    let name = "CPU governor";
+    if machine.governors.is_empty() {
+        return ok(name, "no frequency scaling");
+    }
+    let slow: Vec<String> = machine
+        .governors
+        .iter()
+        .filter(|(_, governor)| governor != "performance")
+        .map(|(cpu, governor)| format!("{governor} on {cpu}"))
+        .collect();
+    if slow.is_empty() {
+        return ok(name, "performance");
+    }
+    check(name, Status::Warning, slow.join(", "), "cpupower frequency-set -g performance")
+}
+
+fn isolation(machine: &Machine, asked: &Asked) -> Check {
+    let name = "isolated processors";
+    let isolated = machine.isolated.clone().unwrap_or_default();
+    let list = processors(&isolated).unwrap_or_default();
+    let found = if isolated.is_empty() { "none".to_owned() } else { isolated };
+    let wanted = asked.cpu;
+    let is_well = match wanted {
+        Some(cpu) => list.contains(&cpu),
+        None => !list.is_empty(),
+    };
+    if is_well {
+        return ok(name, found);
+    }
+    let cpu = wanted.map_or_else(|| "N".to_owned(), |cpu| cpu.to_string());
+    let change = format!("boot with isolcpus={cpu} nohz_full={cpu} rcu_nocbs={cpu}, and set realtime.cpu = {cpu}");
+    check(name, Status::Warning, found, change)
+}
+
+fn processor(machine: &Machine, asked: &Asked) -> Check {
+    let name = "processors";
+    let usable = line(machine.status.as_deref(), "Cpus_allowed_list:").or_else(|| machine.online.clone());
+    let Some(usable) = usable else { return check(name, Status::Warning, "unknown", "mount /proc and /sys") };
+    let list = processors(&usable).unwrap_or_default();
+    match asked.cpu {
+        Some(cpu) if !list.contains(&cpu) => {
+            let change =
+                format!("realtime.cpu = {cpu}: choose one of {usable}, or let this process use it (CPUAffinity=)");
+            check(name, missing(asked.require_realtime), usable.clone(), change)
+        }
+        _ if list.len() < 2 => check(
+            name,
+            Status::Warning,
+            usable,
+            "use a machine with two processors at least: one is the real-time thread's",
+        ),
+        _ => ok(name, usable),
+    }
+}
+
+fn memory_lock(machine: &Machine, asked: &Asked) -> Check {
+    let name = "memory lock";
+    if has_capability(machine, CAP_IPC_LOCK) {
+        return ok(name, "unlimited (CAP_IPC_LOCK)");
+    }
+    match limit(machine, "Max locked memory").as_deref() {
+        Some("unlimited") => ok(name, "unlimited"),
+        found => {
+            let found = found.map_or_else(|| "unknown".to_owned(), |bytes| format!("{bytes} B"));
+            let change = "systemd: LimitMEMLOCK=infinity; else memlock unlimited in /etc/security/limits.conf";
+            check(name, missing(asked.lock_memory && asked.require_realtime), found, change)
+        }
+    }
+}
+
+fn priority(machine: &Machine, asked: &Asked) -> Check {
+    let name = "SCHED_FIFO priority";
+    if has_capability(machine, CAP_SYS_NICE) {
+        return ok(name, "up to 99 (CAP_SYS_NICE)");
+    }
+    let largest: u32 = limit(machine, "Max realtime priority").and_then(|text| text.parse().ok()).unwrap_or(0);
+    // A configuration that asks for none is content; without one, what a daemon usually asks for is looked at.
+    let wanted = if asked.priority > 0 { asked.priority } else { 1 };
+    if largest >= wanted {
+        return ok(name, format!("up to {largest}"));
+    }
+    let wanted = wanted.max(80);
+    let change = format!("systemd: LimitRTPRIO={wanted}; else rtprio {wanted} in /etc/security/limits.conf");
+    check(name, missing(asked.priority > 0 && asked.require_realtime), format!("up to {largest}"), change)
+}
+
+fn wake_up_latency(machine: &Machine, asked: &Asked) -> Check {
+    let name = "idle states";
+    match &machine.cpu_dma_latency {
+        Ok(()) if asked.cpu_dma_latency => ok(name, format!("{CPU_DMA_LATENCY} can be written")),
+        Ok(()) => {
+            let found = format!("{CPU_DMA_LATENCY} can be written");
+            check(
+                name,
+                Status::Ok,
+                found,
+                "realtime.cpu_dma_latency_us = 0 keeps processors awake, at the price of power",
+            )
+        }
+        Err(why) => {
+            let change = "udev rule: KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\"; or boot with \
+                processor.max_cstate=1";
+            let status = missing(asked.cpu_dma_latency && asked.require_realtime);
+            check(name, status, format!("{CPU_DMA_LATENCY}: {why}"), change)
+        }
+    }
+}
+
+fn shared_memory(machine: &Machine) -> Check {
+    let name = "shared memory";
+    let change = "free some, or mount -o remount,size=64M /dev/shm";
+    match machine.shared_memory {
+        None => check(name, Status::Refused, "/dev/shm is not mounted", "mount -t tmpfs tmpfs /dev/shm"),
+        // The daemon does not start then.
+        Some(free) if free < NEEDED_BYTES => check(name, Status::Refused, mebibytes(free), change),
+        Some(free) => ok(name, mebibytes(free)),
+    }
+}
+
+fn mebibytes(bytes: u64) -> String {
+    format!("{} MiB free in /dev/shm", bytes >> 20)
+}
+
+fn clock_source(machine: &Machine) -> Check {
+    let name = "clock source";
+    // Read without a system call.
+    const FAST: [&str; 5] =
+        ["tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page", "riscv_clocksource"];
+    match &machine.clock_source {
+        Some(source) if FAST.contains(&source.as_str()) => ok(name, source.clone()),
+        found => {
+            let found = found.clone().unwrap_or_else(|| "unknown".to_owned());
+            check(
+                name,
+                Status::Warning,
+                found,
+                "boot with clocksource=tsc tsc=reliable, if the processor's TSC is invariant",
+            )
+        }
+    }
+}
+
+/// The rest of the line that begins with `key`.
+fn line(text: Option<&str>, key: &str) -> Option<String> {
+    text?.lines().find_map(|line| Some(line.strip_prefix(key)?.trim().to_owned()))
+}
+
+/// The soft limit of /proc/self/limits with this name.
+fn limit(machine: &Machine, name: &str) -> Option<String> {
+    line(machine.limits.as_deref(), name)?.split_whitespace().next().map(str::to_owned)
+}
+
+fn has_capability(machine: &Machine, number: u32) -> bool {
+    let mask = line(machine.status.as_deref(), "CapEff:").and_then(|mask| u64::from_str_radix(&mask, 16).ok());
+    mask.is_some_and(|mask| mask >> number & 1 == 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A user without rights on a desktop.
+    fn desktop() -> Machine {
+        Machine {
+            kernel_version: "#1 SMP PREEMPT_DYNAMIC Debian 6.1.0".to_owned(),
+            realtime: None,
+            rt_runtime_us: Some("950000".to_owned()),
+            governors: vec![(0, "performance".to_owned()), (1, "powersave".to_owned())],
+            isolated: Some(String::new()),
+            online: Some("0-3".to_owned()),
+            status: Some("Name:\tx\nCapEff:\t0000000000000000\nCpus_allowed_list:\t0-1\n".to_owned()),
+            limits: Some(
+                "Limit                     Soft Limit           Hard Limit           Units     \n\
+                 Max locked memory         8388608              8388608              bytes     \n\
+                 Max realtime priority     0                    0                    \n"
+                    .to_owned(),
+            ),
+            clock_source: Some("hpet".to_owned()),
+            shared_memory: Some(1 << 30),
+            cpu_dma_latency: Err("Permission denied (os error 13)".to_owned()),
+        }
+    }
+
+    /// One that was tuned, and a user with the rights.
+    fn tuned() -> Machine {
+        Machine {
+            kernel_version: "#1 SMP PREEMPT_RT Debian 6.1.0".to_owned(),
+            rt_runtime_us: Some("-1".to_owned()),
+            governors: Vec::new(),
+            isolated: Some("1-3".to_owned()),
+            status: Some("CapEff:\t0000000000804000\nCpus_allowed_list:\t0-3\n".to_owned()),
+            clock_source: Some("tsc".to_owned()),
+            cpu_dma_latency: Ok(()),
+            ..desktop()
+        }
+    }
+
+    fn demanding() -> Asked {
+        Asked {
+            lock_memory: true,
+            priority: 85,
+            cpu: Some(3),
+            cpu_dma_latency: true,
+            require_realtime: true,
+            spins: true,
+        }
+    }
+
+    fn with(checks: &[Check], status: Status) -> Vec<&str> {
+        checks.iter().filter(|check| check.status == status).map(|check| check.name).collect()
+    }
+
+    #[test]
+    fn a_tuned_machine_is_well_whatever_is_asked() {
+        for asked in [Asked::default(), demanding()] {
+            let checks = all(&tuned(), &asked);
+            assert_eq!(with(&checks, Status::Ok).len(), checks.len(), "{checks:?}");
+        }
+    }
+
+    #[test]
+    fn without_a_configuration_nothing_is_refused_and_every_warning_says_what_to_change() {
+        let checks = all(&desktop(), &Asked::default());
+        assert_eq!(
+            with(&checks, Status::Warning),
+            [
+                "preemption",
+                "CPU governor",
+                "isolated processors",
+                "memory lock",
+                "SCHED_FIFO priority",
+                "idle states",
+                "clock source"
+            ]
+        );
+        assert_eq!(with(&checks, Status::Refused), Vec::<&str>::new());
+        for check in checks.iter().filter(|check| check.status != Status::Ok) {
+            assert!(!check.change.is_empty() && !check.found.is_empty(), "{check:?}");
+        }
+        let governor = checks.iter().find(|check| check.name == "CPU governor").expect("it is checked");
+        assert_eq!(governor.found, "powersave on 1");
+    }
+
+    #[test]
+    fn what_a_configuration_requires_is_refused_where_it_is_not_granted() {
+        let checks = all(&desktop(), &demanding());
+        let refused = ["processors", "memory lock", "SCHED_FIFO priority", "idle states"];
+        assert_eq!(with(&checks, Status::Refused), refused);
+        let throttling = checks.iter().find(|check| check.name == "real-time throttling").expect("it is checked");
+        assert!(throttling.status == Status::Warning && throttling.change.contains("sched_rt_runtime_us=-1"));
+        // Without require_realtime the daemon warns and goes on.
+        let lenient = Asked { require_realtime: false, ..demanding() };
+        assert_eq!(with(&all(&desktop(), &lenient), Status::Refused), Vec::<&str>::new());
+    }
+
+    #[test]
+    fn a_full_shared_memory_is_refused_for_everyone() {
+        for shared_memory in [None, Some(NEEDED_BYTES - 1)] {
+            let checks = all(&Machine { shared_memory, ..tuned() }, &Asked::default());
+            assert_eq!(with(&checks, Status::Refused), ["shared memory"]);
+        }
+    }
+
+    #[test]
+    fn limits_count_without_capabilities() {
+        let limits = "Max locked memory         unlimited            unlimited            bytes     \n\
+                      Max realtime priority     90                   90                   \n";
+        let machine = Machine { limits: Some(limits.to_owned()), ..desktop() };
+        let asked = Asked { cpu: None, cpu_dma_latency: false, spins: false, ..demanding() };
+        assert_eq!(with(&all(&machine, &asked), Status::Refused), Vec::<&str>::new());
+        let too_high = Asked { priority: 95, ..asked };
+        assert_eq!(with(&all(&machine, &too_high), Status::Refused), ["SCHED_FIFO priority"]);
+    }
+}

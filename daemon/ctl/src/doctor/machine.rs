@@ -1,0 +1,97 @@
+//! What the kernel tells of this machine and of who asks, as it tells it.
+
+use std::fs;
+use std::path::Path;
+
+/// Texts of procfs and sysfs, and a few numbers; `None` where the kernel does not tell.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Machine {
+    /// `uname -v`: says PREEMPT_RT where it is.
+    pub(crate) kernel_version: String,
+    /// /sys/kernel/realtime: 1 on PREEMPT_RT.
+    pub(crate) realtime: Option<String>,
+    /// /proc/sys/kernel/sched_rt_runtime_us.
+    pub(crate) rt_runtime_us: Option<String>,
+    /// scaling_governor of each processor that has one.
+    pub(crate) governors: Vec<(u32, String)>,
+    /// /sys/devices/system/cpu/isolated.
+    pub(crate) isolated: Option<String>,
+    /// /sys/devices/system/cpu/online.
+    pub(crate) online: Option<String>,
+    /// /proc/self/status: the processors that this process may use, and its capabilities.
+    pub(crate) status: Option<String>,
+    /// /proc/self/limits.
+    pub(crate) limits: Option<String>,
+    /// current_clocksource.
+    pub(crate) clock_source: Option<String>,
+    /// Free bytes of /dev/shm.
+    pub(crate) shared_memory: Option<u64>,
+    /// Whether /dev/cpu_dma_latency can be written, or why not.
+    pub(crate) cpu_dma_latency: Result<(), String>,
+}
+
+impl Machine {
+    /// This one, as this process sees it.
+    pub(crate) fn this() -> Self {
+        let cpu = Path::new("/sys/devices/system/cpu");
+        let online = read(cpu.join("online"));
+        let processors = online.as_deref().and_then(processors).unwrap_or_default();
+        let governor = |number: u32| Some((number, read(cpu.join(format!("cpu{number}/cpufreq/scaling_governor")))?));
+        Self {
+            kernel_version: read("/proc/sys/kernel/version").unwrap_or_default(),
+            realtime: read("/sys/kernel/realtime"),
+            rt_runtime_us: read("/proc/sys/kernel/sched_rt_runtime_us"),
+            governors: processors.into_iter().filter_map(governor).collect(),
+            isolated: read(cpu.join("isolated")),
+            online,
+            status: read("/proc/self/status"),
+            limits: read("/proc/self/limits"),
+            clock_source: read("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
+            shared_memory: admittance_host::shared_memory::free_bytes(),
+            cpu_dma_latency: may_write(c"/dev/cpu_dma_latency"),
+        }
+    }
+}
+
+fn read(path: impl AsRef<Path>) -> Option<String> {
+    fs::read_to_string(path).ok().map(|text| text.trim().to_owned())
+}
+
+/// Asked, not tried: to open it would change the machine while it is open.
+fn may_write(path: &std::ffi::CStr) -> Result<(), String> {
+    // SAFETY: the path ends in a zero byte, and the call only reads it.
+    match unsafe { libc::access(path.as_ptr(), libc::W_OK) } {
+        0 => Ok(()),
+        _ => Err(std::io::Error::last_os_error().to_string()),
+    }
+}
+
+/// The numbers of a kernel's list, such as "0-3,6"; `None` for anything else.
+pub(crate) fn processors(list: &str) -> Option<Vec<u32>> {
+    let mut numbers = Vec::new();
+    for part in list.trim().split(',').filter(|part| !part.is_empty()) {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        numbers.extend(first.parse::<u32>().ok()?..=last.parse().ok()?);
+    }
+    Some(numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_of_processors_are_read() {
+        assert_eq!(processors("0-2,5"), Some(vec![0, 1, 2, 5]));
+        assert_eq!(processors(""), Some(Vec::new()));
+        assert_eq!(processors("all"), None);
+    }
+
+    #[test]
+    fn this_machine_can_be_read() {
+        let machine = Machine::this();
+        assert!(machine.online.as_deref().and_then(processors).is_some_and(|online| !online.is_empty()));
+        assert!(machine.limits.is_some_and(|limits| limits.contains("Max locked memory")));
+        assert!(machine.status.is_some_and(|status| status.contains("CapEff:")));
+    }
+}

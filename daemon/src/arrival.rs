@@ -1,0 +1,252 @@
+//! When the next state sample is due: the controller's clock, tracked from the stamps and arrivals of its samples.
+//!
+//! Sample n is expected at stamp φ + n P and seen `latency` later. Phase φ and period P follow the stamps like a
+//! second-order phase-locked loop, the latency the median of what it was. One that is late, by its stamp or by its arrival, tells
+//! nothing about the clock: its stamp is left out, and its latency counts no more than any other above the median.
+
+/// The controller's clock as the samples so far tell it; times in ns of CLOCK_MONOTONIC.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ArrivalEstimate {
+    /// T_s as configured.
+    nominal: f64,
+    /// What is known of the run that samples come from; nothing before the first one.
+    track: Option<Track>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Track {
+    boot_id: u64,
+    sequence: u64,
+    /// Expected stamp of sample `sequence`.
+    phase: f64,
+    period: f64,
+    /// From the stamp of a sample to its being seen.
+    latency: f64,
+    /// When it was seen.
+    seen: u64,
+    /// Samples in a row whose stamp was not the expected one.
+    outliers: u32,
+    /// Samples that the loop has taken in, up to [`SETTLED`].
+    taken: u32,
+}
+
+/// Part of a period by which a stamp may be off before it is left out.
+const GATE: f64 = 0.1;
+/// Stamps left out in a row after which the clock is taken to be another one.
+const OUTLIERS: u32 = 8;
+/// Samples after which the loop is as slow as it gets: shorter than any drift of a clock, longer than jitter.
+const SETTLED: u32 = 32;
+/// Largest relative deviation of the period that is believed; one of 1 % ends control.
+const DRIFT: f64 = 0.02;
+/// Part of a period by which the latency moves towards a sample's.
+const LATENCY_STEP: f64 = 0.001;
+
+impl ArrivalEstimate {
+    /// Nothing seen of a controller with this sampling time in ns.
+    pub(crate) fn new(sampling_time: u64) -> Self {
+        Self { nominal: sampling_time as f64, track: None }
+    }
+
+    /// Takes note of a sample that was stamped at `stamp` and seen at `seen`.
+    pub(crate) fn see(&mut self, boot_id: u64, sequence: u64, stamp: u64, seen: u64) {
+        // What is not on this clock tells nothing.
+        if stamp > seen {
+            return;
+        }
+        let fresh = Track {
+            boot_id,
+            sequence,
+            phase: stamp as f64,
+            period: self.nominal,
+            latency: ((seen - stamp) as f64).min(self.nominal * GATE),
+            seen,
+            outliers: 0,
+            taken: 1,
+        };
+        let Some(track) = &mut self.track else {
+            self.track = Some(fresh);
+            return;
+        };
+        if boot_id != track.boot_id {
+            *track = fresh;
+            return;
+        }
+        if sequence <= track.sequence {
+            return;
+        }
+        track.seen = seen;
+        let steps = (sequence - track.sequence) as f64;
+        track.sequence = sequence;
+        track.phase += steps * track.period;
+        let error = stamp as f64 - track.phase;
+        if error.abs() > self.nominal * GATE {
+            track.outliers += 1;
+            if track.outliers >= OUTLIERS {
+                *track = fresh;
+            }
+            return;
+        }
+        track.outliers = 0;
+        track.taken = (track.taken + 1).min(SETTLED);
+        // Gains of the least-squares line through the samples so far, which ends as a critically damped loop.
+        let n = f64::from(track.taken);
+        let (phase_gain, period_gain) = (2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)), 6.0 / (n * (n + 1.0)));
+        track.phase += phase_gain * error;
+        track.period += period_gain * error / steps;
+        track.period = track.period.clamp(self.nominal * (1.0 - DRIFT), self.nominal * (1.0 + DRIFT));
+        let step = self.nominal * LATENCY_STEP;
+        track.latency += ((seen - stamp) as f64 - track.latency).clamp(-step, step);
+    }
+
+    /// When the sample after the last one is to be seen; `None` before the first one. Never much later than a period after the
+    /// last one was, whatever its sequence and stamp said: somebody may sleep until then.
+    pub(crate) fn next(&self) -> Option<u64> {
+        let track = self.track.as_ref()?;
+        let latest = track.seen.saturating_add((self.nominal * (1.0 + 2.0 * GATE)) as u64);
+        Some(((track.phase + track.period + track.latency) as u64).min(latest))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD: u64 = 1_000_000;
+    /// What the thread spins for, on either side.
+    const SPIN: u64 = 50_000;
+
+    /// A controller whose clock has this true period in ns, and an estimate of it.
+    struct Clock {
+        estimate: ArrivalEstimate,
+        start: u64,
+        period: f64,
+        sequence: u64,
+    }
+
+    impl Clock {
+        fn new(period: f64) -> Self {
+            Self { estimate: ArrivalEstimate::new(PERIOD), start: 7_000_000_000_000, period, sequence: 0 }
+        }
+
+        fn instant(&self, sequence: u64) -> u64 {
+            self.start + (self.period * sequence as f64).round() as u64
+        }
+
+        /// The next sample, stamped and seen so much after its instant.
+        fn sample(&mut self, stamp_delay: u64, latency: u64) {
+            self.sequence += 1;
+            let stamp = self.instant(self.sequence) + stamp_delay;
+            self.estimate.see(1, self.sequence, stamp, stamp + latency);
+        }
+
+        /// How far the expected arrival of the next sample is from its true instant plus `latency`, ns.
+        fn error(&self, latency: u64) -> f64 {
+            let expected = self.instant(self.sequence + 1) + latency;
+            self.estimate.next().expect("samples were seen") as f64 - expected as f64
+        }
+    }
+
+    fn settled(period: f64) -> Clock {
+        let mut clock = Clock::new(period);
+        (0..200).for_each(|_| clock.sample(0, 5_000));
+        clock
+    }
+
+    #[test]
+    fn nothing_is_expected_before_the_first_sample() {
+        assert_eq!(ArrivalEstimate::new(PERIOD).next(), None);
+        let mut clock = Clock::new(PERIOD as f64);
+        clock.sample(0, 5_000);
+        assert!(clock.error(5_000).abs() <= 1.0);
+    }
+
+    #[test]
+    fn a_clock_500_ppm_off_is_tracked() {
+        for ppm in [-500.0, -20.0, 500.0, 5000.0] {
+            let mut clock = Clock::new(PERIOD as f64 * (1.0 + ppm * 1e-6));
+            for sample in 0..2000 {
+                clock.sample(0, 5_000);
+                // Also while it is being found, the next sample is within the time of spinning.
+                assert!(clock.error(5_000).abs() < SPIN as f64, "{ppm} ppm, sample {sample}: {}", clock.error(5_000));
+            }
+            assert!(clock.error(5_000).abs() < 10.0, "{ppm} ppm: {} ns off", clock.error(5_000));
+        }
+    }
+
+    #[test]
+    fn a_sample_late_by_one_to_five_periods_does_not_shift_the_next() {
+        for periods in 1..=5 {
+            let mut by_stamp = settled(PERIOD as f64 * 1.0001);
+            by_stamp.sample(periods * PERIOD, 5_000);
+            assert!(by_stamp.error(5_000).abs() < 50.0, "stamped {periods} late: {} ns", by_stamp.error(5_000));
+            let mut by_arrival = settled(PERIOD as f64 * 1.0001);
+            by_arrival.sample(0, periods * PERIOD);
+            let shift = 1_000.0;
+            assert!(by_arrival.error(5_000).abs() <= shift + 50.0, "{periods} late: {} ns", by_arrival.error(5_000));
+            // Nor do some of them, one in ten.
+            for sample in 0..400 {
+                by_stamp.sample(if sample % 10 == 3 { periods * PERIOD } else { 0 }, 5_000);
+                by_arrival.sample(0, if sample % 10 == 3 { periods * PERIOD } else { 5_000 });
+                assert!(by_stamp.error(5_000).abs() < 100.0);
+                assert!(by_arrival.error(5_000).abs() <= 2.0 * shift);
+            }
+        }
+    }
+
+    #[test]
+    fn lost_samples_do_not_matter() {
+        let mut clock = settled(PERIOD as f64 * 1.0005);
+        for lost in [1, 2, 50] {
+            clock.sequence += lost;
+            clock.sample(0, 5_000);
+            assert!(clock.error(5_000).abs() < 50.0, "{lost} lost: {} ns off", clock.error(5_000));
+        }
+    }
+
+    #[test]
+    fn jitter_is_averaged() {
+        let mut clock = settled(PERIOD as f64);
+        let mut worst = 0.0_f64;
+        for sample in 0..1000_u64 {
+            // Up to 20 µs, in no order.
+            clock.sample(sample * 7_919 % 20_000, 5_000);
+            if sample >= 100 {
+                worst = worst.max((clock.error(5_000) - 10_000.0).abs());
+            }
+        }
+        assert!(worst < 5_000.0, "{worst} ns off the mean");
+    }
+
+    #[test]
+    fn latency_is_part_of_the_arrival() {
+        let mut clock = Clock::new(PERIOD as f64);
+        (0..1000).for_each(|_| clock.sample(0, 180_000));
+        assert!(clock.error(180_000).abs() < 2_000.0, "{} ns off", clock.error(180_000));
+    }
+
+    #[test]
+    fn another_clock_is_found() {
+        let mut clock = settled(PERIOD as f64);
+        clock.start += PERIOD * 4 / 10;
+        (0..OUTLIERS).for_each(|_| clock.sample(0, 5_000));
+        assert!(clock.error(5_000).abs() < 100.0, "a pause of the controller: {} ns off", clock.error(5_000));
+        clock.estimate.see(2, 1, clock.start, clock.start + 5_000);
+        assert_eq!(clock.estimate.next(), Some(clock.start + 5_000 + PERIOD));
+    }
+
+    #[test]
+    fn a_sequence_that_jumps_does_not_put_off_the_next() {
+        let mut clock = settled(PERIOD as f64);
+        let seen = clock.instant(clock.sequence + 1) + 5_000;
+        clock.estimate.see(1, 1 << 50, seen - 5_000, seen);
+        let next = clock.estimate.next().expect("samples were seen");
+        assert!(next <= seen + 2 * PERIOD, "{} ns after the last one", next - seen);
+    }
+
+    #[test]
+    fn a_stamp_from_the_future_is_not_believed() {
+        let mut clock = settled(PERIOD as f64);
+        clock.estimate.see(1, clock.sequence + 1, u64::MAX, clock.start);
+        assert!(clock.error(5_000).abs() < 100.0);
+    }
+}

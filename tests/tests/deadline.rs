@@ -1,0 +1,215 @@
+//! The deadline in virtual time: a solver that is cut short where the test says, and the exact sequence of answers that has to
+//! come instead. A clock has no part in it.
+
+use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
+use ipc_types::{CommandSample, Mode, Motion, Source, StateSample, StopReason};
+
+const SAMPLING_TIME_S: f64 = 0.001;
+const MAX_FALLBACKS: u32 = 3;
+
+/// The default profile at 1 kHz, from the air into contact and on.
+fn experiment() -> Experiment {
+    let mut experiment = Experiment::paper(SAMPLING_TIME_S, 0.25).with_motion(&[(0.4, &[0.0, -0.25])]);
+    experiment.config.control.max_consecutive_fallbacks = MAX_FALLBACKS;
+    experiment
+}
+
+/// A run in which the solver's time is up when it asks for the `asked`th time about any of `count` samples from `first` on.
+fn cut_short(experiment: &Experiment, first: usize, count: usize, asked: u32) -> Run {
+    let mut index = 0;
+    let mut last = 0;
+    let expired = |state: &StateSample, times: u32| {
+        if state.sequence != last {
+            (index, last) = (state.sequence as usize - 1, state.sequence);
+        }
+        (first..first + count).contains(&index) && times >= asked
+    };
+    experiment.run_in_time(|_, _| {}, expired)
+}
+
+fn source(at: &Instant) -> u32 {
+    at.command.source
+}
+
+/// Index of the first cycle that the MPC answers.
+fn first_contact(run: &Run) -> usize {
+    run.instants.iter().position(|at| source(at) == Source::Mpc.code()).expect("a run into contact")
+}
+
+/// What `plan` planned for the sample so many cycles after its own.
+fn planned(plan: &CommandSample, cycles: usize) -> [f64; 6] {
+    let elapsed = cycles as u64 * (SAMPLING_TIME_S * 1e9) as u64;
+    let steps = plan.plan_length as usize;
+    let step = plan.plan_end_ns[..steps].iter().position(|end| elapsed < *end).unwrap_or(steps - 1);
+    plan.planned_offset[step]
+}
+
+#[test]
+fn the_answer_is_the_plan_until_the_mpc_ends_in_time() {
+    let experiment = experiment();
+    let quiet = experiment.run();
+    assert_eq!(quiet.counters.fallback, 0);
+    let first = first_contact(&quiet);
+    let busiest = (first + 1..quiet.instants.len()).max_by_key(|&at| quiet.instants[at].report.iterations);
+    let busiest = busiest.expect("cycles in contact");
+    println!("busiest cycle: {} iterations", quiet.instants[busiest].report.iterations);
+    assert!(quiet.instants[busiest].report.iterations >= 2, "there must be iterations to end between");
+    for cycle in (first + 1..first + 6).chain([busiest]) {
+        let answered = &quiet.instants[cycle];
+        let (mut expired, mut ended) = (0, 0);
+        for asked in 0..=answered.report.iterations + 2 {
+            let run = cut_short(&experiment, cycle, 1, asked);
+            let at = &run.instants[cycle];
+            match at.report.expired_at {
+                Some(iteration) => {
+                    // The solver asks once before it begins, then before every iteration.
+                    assert_eq!(iteration, asked.saturating_sub(1), "cycle {cycle}");
+                    assert_eq!(source(at), Source::Plan.code(), "cycle {cycle}, cut at {asked}");
+                    let expected = planned(&quiet.instants[cycle - 1].command, 1);
+                    assert_eq!(at.command.velocity_offset, expected, "cycle {cycle}, cut at {asked}");
+                    assert_eq!(at.command.fallback_count, 1);
+                    let next = &run.instants[cycle + 1];
+                    assert_eq!((source(next), next.command.fallback_count), (Source::Mpc.code(), 1));
+                    expired += 1;
+                }
+                // What an unfinished iterate leaves behind must not reach an answer: this one is as if nobody had asked.
+                None => {
+                    assert_eq!(at.command, answered.command, "cycle {cycle}, cut at {asked}");
+                    ended += 1;
+                }
+            }
+            assert_eq!(run.instants[cycle - 1].command, quiet.instants[cycle - 1].command, "nothing before it changes");
+        }
+        assert!(expired >= 1 && ended >= 1, "cycle {cycle}: {expired} cut short, {ended} in time");
+    }
+}
+
+#[test]
+fn the_last_plan_goes_on_by_elapsed_time_and_then_the_arm_stops() {
+    for max in [0, 1, MAX_FALLBACKS] {
+        let mut experiment = experiment();
+        experiment.config.control.max_consecutive_fallbacks = max;
+        let first = first_contact(&experiment.run()) + 4;
+        for count in 1..=max as usize + 1 {
+            let run = cut_short(&experiment, first, count, 0);
+            let plan = &run.instants[first - 1].command;
+            for late in 0..count {
+                let at = &run.instants[first + late];
+                let what = format!("{max} allowed, number {} of {count}", late + 1);
+                assert_eq!(source(at), Source::Plan.code(), "{what}");
+                assert_eq!(at.command.velocity_offset, planned(plan, late + 1), "{what}");
+                assert_eq!(at.command.fallback_count, late as u64 + 1, "{what}");
+                let stops = late == max as usize;
+                let (mode, reason) = if stops {
+                    (Mode::Stopping, StopReason::FallbackExhausted)
+                } else {
+                    (Mode::Contact, StopReason::None)
+                };
+                assert!(at.is_in(mode), "{what}: mode {}", at.command.mode);
+                assert_eq!(at.command.stop_reason, reason.code(), "{what}");
+            }
+            let next = &run.instants[first + count];
+            if count <= max as usize {
+                assert_eq!(
+                    (source(next), run.stop_reason()),
+                    (Source::Mpc.code(), None),
+                    "{max} allowed, {count} late"
+                );
+            } else {
+                // The arm may be at rest at a low force already.
+                let is_stop = source(next) == Source::MinimumForce.code() || next.is_in(Mode::Stopped);
+                assert!(is_stop, "{max} allowed, {count} late: source {}", source(next));
+                let last = run.last();
+                assert!(last.is_in(Mode::Stopped));
+                assert_eq!(last.command.stop_reason, StopReason::FallbackExhausted.code());
+                assert_eq!(last.command.motion, Motion::Hold.code());
+            }
+        }
+    }
+}
+
+#[test]
+fn fallbacks_that_answers_interrupt_do_not_add_up() {
+    let experiment = experiment();
+    let first = first_contact(&experiment.run()) + 1;
+    // Three of four cycles late, again and again.
+    let late = |index: usize| index >= first && !(index - first).is_multiple_of(MAX_FALLBACKS as usize + 1);
+    let run = experiment.run_in_time(|_, _| {}, |state, _| late(state.sequence as usize - 1));
+    for (index, at) in run.instants.iter().enumerate().skip(first).filter(|(_, at)| at.is_in(Mode::Contact)) {
+        let expected = if late(index) { Source::Plan } else { Source::Mpc };
+        assert_eq!(source(at), expected.code(), "cycle {index}");
+    }
+    assert_eq!(run.stop_reason(), None);
+    println!("peak {:.1} N with three of four answers late", run.peak_normal());
+}
+
+#[test]
+fn without_a_plan_what_leads_into_the_surface_is_taken_out() {
+    let experiment = experiment();
+    let first = first_contact(&experiment.run());
+    let run = cut_short(&experiment, first, 1, 0);
+    let at = &run.instants[first];
+    assert_eq!((source(at), at.command.fallback_count), (Source::Retreat.code(), 1));
+    let outward = NORMAL[0] * at.command.twist_command[0] + NORMAL[1] * at.command.twist_command[1];
+    assert!(outward.abs() < 1e-12, "{outward} m/s out of the surface");
+    assert_eq!(source(&run.instants[first + 1]), Source::Mpc.code());
+}
+
+#[test]
+fn a_stop_without_any_answer_is_over_after_its_timeout() {
+    let mut experiment = experiment();
+    let timeout = 0.02;
+    experiment.config.stopping.stop_timeout_s = timeout;
+    let first = first_contact(&experiment.run()) + 4;
+    let run = cut_short(&experiment, first, usize::MAX - first, 0);
+    let begun = first + MAX_FALLBACKS as usize;
+    let cycles = (timeout / SAMPLING_TIME_S).round() as usize;
+    assert!(run.instants[begun].is_in(Mode::Stopping));
+    for at in &run.instants[begun..=begun + cycles] {
+        assert!(at.is_in(Mode::Stopping) || at.is_in(Mode::Stopped), "mode {}", at.command.mode);
+    }
+    let after = &run.instants[begun + cycles + 1];
+    assert!(after.is_in(Mode::Stopped));
+    assert_eq!(
+        (after.command.motion, after.command.stop_reason),
+        (Motion::Hold.code(), StopReason::FallbackExhausted.code())
+    );
+}
+
+/// A solver for which every iteration takes a share of the budget: which cycles end in time follows from how much they have to
+/// do.
+#[test]
+fn a_slow_solver_answers_what_it_can() {
+    let experiment = experiment();
+    let mut answered = Vec::new();
+    // Without an answer there is no warm start: the first cycle in contact decides.
+    let quiet = experiment.run();
+    let first = quiet.instants[first_contact(&quiet)].report.iterations;
+    for iterations in [0, first / 2, first - 1, first, 1000] {
+        let run = experiment.run_in_time(|_, _| {}, |_, asked| asked > iterations);
+        let mut row = 0;
+        let mut by_mpc = 0;
+        let mut fallbacks = 0;
+        for at in run.instants.iter().filter(|at| at.is_in(Mode::Contact)) {
+            match at.report.expired_at {
+                Some(iteration) => {
+                    assert_eq!(iteration, iterations, "cut where its time is up");
+                    assert_ne!(source(at), Source::Mpc.code(), "no answer that did not end in time");
+                    row += 1;
+                    fallbacks += 1;
+                }
+                None => {
+                    assert_eq!(source(at), Source::Mpc.code());
+                    assert!(at.report.iterations <= iterations);
+                    row = 0;
+                    by_mpc += 1;
+                }
+            }
+            assert!(row <= MAX_FALLBACKS, "{row} fallbacks in a row and no stop");
+            assert_eq!(at.command.fallback_count, fallbacks);
+        }
+        println!("{iterations} iterations in time: {by_mpc} answers, {fallbacks} fallbacks, {:?}", run.stop_reason());
+        answered.push(by_mpc);
+    }
+    assert!(answered.is_sorted() && answered[0] < answered[3], "more time, more answers: {answered:?}");
+}

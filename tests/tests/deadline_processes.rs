@@ -1,0 +1,344 @@
+//! Deadlines missed for real: processes that are stopped, a hog on the daemon's processor, samples that come late, and a clock
+//! that is set. What has to follow is counted, visible in the command, and over when its cause is.
+
+use std::cell::Cell;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use admittance_host::clock::monotonic_ns;
+use admittance_host::realtime::{RealtimeSection, StepOutcome, apply_to_thread};
+use end_to_end::closed_loop::MPC_DEFAULT;
+use end_to_end::session::{PAPER_SCENARIO, PATIENT, TRIES, drive_plant, start_daemon, with_keys, write};
+use end_to_end::{Child, Need, PATIENCE, PrivateIpc, needs};
+use ipc_types::services::{self, Access};
+use ipc_types::{CommandSample, Mode, Motion, Source, StopReason, TruthSample};
+
+/// The paper's scenario with first contact at 0.8 s, slow enough to bear a late answer.
+fn scenario(changes: &[(&str, &str)]) -> String {
+    let slow = [
+        ("timing.command_delay_s", "0.001"),
+        ("motion", "[{ duration_s = 2.4, twist = [0.0, -0.05] }]"),
+        ("start.contact_time_s", "0.8"),
+    ];
+    with_keys(PAPER_SCENARIO, &[&slow, changes].concat())
+}
+
+/// The default profile; `more` than that is borne, or nothing is.
+fn config(more: &[(&str, &str)]) -> String {
+    with_keys(MPC_DEFAULT, &[&[("control.command_delay_s", "0.001")], more].concat())
+}
+
+/// A run of daemon and plant.
+struct Run {
+    truths: Vec<TruthSample>,
+    /// What the daemon had said of itself when the plant was at each of `truths`.
+    commands: Vec<CommandSample>,
+    log: String,
+}
+
+impl Run {
+    /// The last command that was seen before this time of the scenario.
+    fn at(&self, time_s: f64) -> &CommandSample {
+        let index = self.truths.partition_point(|truth| truth.scenario_time_s < time_s);
+        &self.commands[index.saturating_sub(1)]
+    }
+
+    fn last(&self) -> &CommandSample {
+        self.commands.last().expect("a run has cycles")
+    }
+}
+
+/// Daemons of the same priority on one processor, and a hog, would be each other's disturbance.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// Runs the scenario to its end; `each` sees the truth and may do something to the daemon and the plant.
+fn run(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mut Child, &TruthSample)) -> Run {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let ipc = PrivateIpc::new("planar");
+    let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", config));
+    let node = ipc.settings().node("watcher").expect("a node");
+    let service = services::command(&node, &ipc.settings().instance, Access::Open).expect("the daemon made it");
+    let subscriber = service.subscriber().expect("a subscriber");
+    let (mut newest, mut commands) = (CommandSample::zeroed(), Vec::new());
+    let truths = drive_plant(&ipc, &write(&ipc, "scenario.toml", scenario), |plant, truth| {
+        each(&mut daemon, plant, truth);
+        if let Ok(Some(command)) = subscriber.receive() {
+            newest = *command;
+        }
+        commands.push(newest);
+    });
+    daemon.terminate();
+    assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
+    Run { truths, commands, log: daemon.stderr() }
+}
+
+/// The first run that the machine did not spoil, according to `is_sound`; `None` on a machine that spoils all.
+fn sound_run(mut run: impl FnMut() -> Run, is_sound: impl Fn(&Run) -> bool) -> Option<Run> {
+    let found = (0..TRIES).map(|_| run()).find(is_sound);
+    if found.is_none() {
+        println!("SKIPPED: machine too busy: {TRIES} runs were spoilt");
+    }
+    found
+}
+
+/// What a busy machine may do to a run before the test does anything.
+fn was_quiet_until(run: &Run, time_s: f64) -> bool {
+    let before = run.at(time_s);
+    before.stop_reason == StopReason::None.code() && before.fallback_count == 0
+}
+
+/// Whether the daemon had stopped nothing when the motion ended.
+fn went_on(run: &Run) -> bool {
+    run.last().stop_reason == StopReason::None.code()
+}
+
+/// Does something once, at this time of the scenario.
+fn once(time_s: f64) -> impl FnMut(&TruthSample) -> bool {
+    let mut done = false;
+    move |truth| {
+        let is_due = !done && truth.scenario_time_s >= time_s;
+        done |= is_due;
+        is_due
+    }
+}
+
+fn stop_for(child: &mut Child, duration: Duration) {
+    child.signal(libc::SIGSTOP);
+    std::thread::sleep(duration);
+    child.signal(libc::SIGCONT);
+}
+
+#[test]
+fn a_controller_that_is_stopped_in_the_air_is_taken_up_again() {
+    let one = || {
+        let mut now = once(0.3);
+        run(&config(&PATIENT), &scenario(&[]), |_, plant, truth| {
+            if now(truth) {
+                stop_for(plant, Duration::from_millis(400));
+            }
+        })
+    };
+    let is_sound = |run: &Run| was_quiet_until(run, 0.29) && went_on(run);
+    let Some(run) = sound_run(one, is_sound) else { return };
+    let messages = ["INFO Free", "Idle", "INFO Free", "INFO Contact"];
+    let mut rest = run.log.as_str();
+    for message in messages {
+        let found =
+            rest.find(message).unwrap_or_else(|| panic!("{message} is missing in order {messages:?}:\n{}", run.log));
+        rest = &rest[found + message.len()..];
+    }
+    let last = run.last();
+    assert!(last.rejected_count > 0, "a silence, and the samples that had become stale by its end");
+    assert_eq!((last.mode, last.motion), (Mode::Contact.code(), Motion::Offset.code()));
+}
+
+#[test]
+fn a_controller_that_is_stopped_in_contact_is_a_latched_stop() {
+    let one = || {
+        let mut now = once(1.4);
+        // As shipped: what counts as stale is part of this test.
+        run(&config(&[]), &scenario(&[]), |_, plant, truth| {
+            if now(truth) {
+                stop_for(plant, Duration::from_millis(400));
+            }
+        })
+    };
+    let Some(run) = sound_run(one, |run| was_quiet_until(run, 1.39)) else { return };
+    assert!(run.log.contains("Stopped: SampleStale"), "{}", run.log);
+    let last = run.last();
+    assert_eq!((last.mode, last.motion), (Mode::Stopped.code(), Motion::Hold.code()), "{}", run.log);
+    assert!(last.rejected_count > 0 && last.fallback_count > 0, "counted, and visible in the command");
+    assert_eq!(run.truths.last().expect("a run").motion, Motion::Hold.code());
+}
+
+#[test]
+fn a_daemon_that_is_stopped_goes_on_where_the_arm_is() {
+    // Commands are valid for 84 ms here: the plan bridges the first time, and the plant holds the arm the second.
+    for (stopped, holds) in [(40, false), (400, true)] {
+        let one = || {
+            let mut now = once(1.4);
+            run(&config(&PATIENT), &scenario(&[]), |daemon, _, truth| {
+                if now(truth) {
+                    stop_for(daemon, Duration::from_millis(stopped));
+                }
+            })
+        };
+        let is_sound = |run: &Run| was_quiet_until(run, 1.39) && went_on(run);
+        let Some(run) = sound_run(one, is_sound) else { return };
+        let (before, last) = (run.at(1.39), run.last());
+        let held = run.truths.iter().filter(|truth| truth.scenario_time_s > 0.0 && truth.motion == Motion::Hold.code());
+        println!("{stopped} ms: {} samples missed, held in {} cycles", last.missed_count, held.clone().count());
+        assert!(last.missed_count > before.missed_count, "samples that the daemon never saw are counted");
+        assert!(run.truths.last().expect("a run").missed_commands > 0, "and so are commands, by the plant");
+        assert_eq!(held.count() > 0, holds, "{stopped} ms");
+        assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{}", run.log);
+    }
+}
+
+#[test]
+fn a_hog_at_the_same_priority_is_borne_and_counted() {
+    if !needs(Need::Root) {
+        return;
+    }
+    let section = RealtimeSection {
+        lock_memory: false,
+        priority: 85,
+        cpu: Some(1),
+        cpu_dma_latency_us: None,
+        require_realtime: true,
+    };
+    let one = || {
+        let mut now = once(1.4);
+        run(&config(&PATIENT), &scenario(&[]), |_, _, truth| {
+            if now(truth) {
+                let section = section.clone();
+                let hog = std::thread::spawn(move || {
+                    let reports = apply_to_thread(&section);
+                    assert!(
+                        reports.iter().all(|report| !matches!(report.outcome, StepOutcome::Refused(_))),
+                        "{reports:?}"
+                    );
+                    // Of the same priority: the daemon waits until it sleeps.
+                    for _ in 0..4 {
+                        let end = monotonic_ns() + 30_000_000;
+                        while monotonic_ns() < end {
+                            std::hint::spin_loop();
+                        }
+                        std::thread::sleep(Duration::from_millis(30));
+                    }
+                });
+                hog.join().expect("the hog has its priority");
+            }
+        })
+    };
+    let is_sound = |run: &Run| was_quiet_until(run, 1.39) && went_on(run);
+    let Some(run) = sound_run(one, is_sound) else { return };
+    let (before, last) = (run.at(1.39), run.last());
+    println!(
+        "under the hog: {} late, {} missed, {} fallbacks",
+        last.late_count - before.late_count,
+        last.missed_count - before.missed_count,
+        last.fallback_count - before.fallback_count
+    );
+    assert!(last.missed_count + last.late_count > before.missed_count + before.late_count, "it is counted");
+    assert_eq!(
+        (last.mode, last.source),
+        (Mode::Contact.code(), Source::Mpc.code()),
+        "and over with its cause: {}",
+        run.log
+    );
+}
+
+#[test]
+fn samples_late_by_one_to_five_periods_are_answered_by_the_plan() {
+    let late = |periods: u32| {
+        let (at_s, duration_s) = (1.2 + 0.2 * f64::from(periods - 1), 0.004 * f64::from(periods + 1));
+        format!("{{ at_s = {at_s}, duration_s = {duration_s}, kind = \"late\" }}")
+    };
+    let faults = format!("[{}]", (1..=5).map(late).collect::<Vec<_>>().join(", "));
+    let one = || run(&config(&PATIENT), &scenario(&[("fault", &faults)]), |_, _, _| {});
+    let is_sound = |run: &Run| was_quiet_until(run, 1.19) && went_on(run);
+    let Some(run) = sound_run(one, is_sound) else { return };
+    for periods in 1..=5_u32 {
+        let at_s = 1.2 + 0.2 * f64::from(periods - 1);
+        let (before, after) = (run.at(at_s - 0.01), run.at(at_s + 0.1));
+        assert!(after.missed_count >= before.missed_count + u64::from(periods), "{periods} late: those in between");
+        assert!(after.late_count > before.late_count, "{periods} late: after its deadline");
+        assert!(after.fallback_count > before.fallback_count, "{periods} late: there was no time to solve");
+        assert_eq!((after.mode, after.source), (Mode::Contact.code(), Source::Mpc.code()), "{periods} late: over");
+    }
+}
+
+#[test]
+fn a_sample_later_than_allowed_stops_with_its_reason() {
+    let fault = "[{ at_s = 1.4, duration_s = 0.24, kind = \"late\" }]";
+    let one = || run(&config(&[]), &scenario(&[("fault", fault)]), |_, _, _| {});
+    let Some(run) = sound_run(one, |run| was_quiet_until(run, 1.39)) else { return };
+    assert!(run.log.contains("Stopped: SampleStale"), "{}", run.log);
+    assert_eq!(run.last().motion, Motion::Hold.code());
+}
+
+/// Steps CLOCK_REALTIME while it lives.
+struct SteppedClock {
+    before: i128,
+    since: Instant,
+}
+
+fn realtime_ns() -> i128 {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: `time` is valid for writing.
+    unsafe { libc::clock_gettime(libc::CLOCK_REALTIME, &raw mut time) };
+    i128::from(time.tv_sec) * 1_000_000_000 + i128::from(time.tv_nsec)
+}
+
+fn set_realtime_ns(time: i128) -> bool {
+    let time = libc::timespec {
+        tv_sec: (time / 1_000_000_000) as libc::time_t,
+        tv_nsec: (time % 1_000_000_000) as libc::c_long,
+    };
+    // SAFETY: `time` is valid for reading.
+    unsafe { libc::clock_settime(libc::CLOCK_REALTIME, &raw const time) == 0 }
+}
+
+impl SteppedClock {
+    fn by_seconds(step: i128) -> Option<Self> {
+        let (before, since) = (realtime_ns(), Instant::now());
+        set_realtime_ns(before + step * 1_000_000_000).then_some(Self { before, since })
+    }
+}
+
+impl Drop for SteppedClock {
+    fn drop(&mut self) {
+        set_realtime_ns(self.before + self.since.elapsed().as_nanos() as i128);
+    }
+}
+
+#[test]
+fn steps_of_the_wall_clock_do_not_matter() {
+    if !needs(Need::Root) {
+        return;
+    }
+    for wait in ["event", "hybrid"] {
+        let is_set = Cell::new(true);
+        let quoted = format!("\"{wait}\"");
+        let one = || {
+            let (mut forward, mut back) = (once(1.2), once(1.6));
+            let keys = [&PATIENT[..], &[("control.wait", &quoted)]].concat();
+            run(&config(&keys), &scenario(&[]), |_, _, truth| {
+                let step = if forward(truth) {
+                    10
+                } else if back(truth) {
+                    -10
+                } else {
+                    return;
+                };
+                match SteppedClock::by_seconds(step) {
+                    // Long enough for many cycles, short enough for whatever else lives on this machine.
+                    Some(_stepped) => std::thread::sleep(Duration::from_millis(60)),
+                    None => is_set.set(false),
+                }
+            })
+        };
+        let is_sound = |run: &Run| was_quiet_until(run, 1.19) && run.last().fallback_count == 0;
+        let Some(run) = sound_run(one, is_sound) else { return };
+        if !is_set.get() {
+            println!("SKIPPED: the clock of this machine cannot be set");
+            return;
+        }
+        let last = run.last();
+        assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{wait}: {}", run.log);
+        assert_eq!(last.rejected_count, run.at(1.19).rejected_count, "{wait}: {}", run.log);
+        let answered = run.commands.windows(2).filter(|pair| pair[1].state_sequence > pair[0].state_sequence).count();
+        assert!(answered > 100, "{wait}: {answered} answers seen");
+    }
+}
+
+#[test]
+fn spinning_answers_as_well() {
+    // At normal priority: one that never sleeps would take the processor from the other tests.
+    let keys = [&PATIENT[..], &[("control.wait", "\"spin\""), ("realtime.priority", "0")]].concat();
+    let one = || run(&config(&keys), &scenario(&[]), |_, _, _| {});
+    let Some(run) = sound_run(one, went_on) else { return };
+    let last = run.last();
+    assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{}", run.log);
+}

@@ -1,0 +1,343 @@
+//! From sample received to command sent: no heap, no page fault, and of system calls only what waiting and the one
+//! notification need.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
+use admittance_host::clock::monotonic_ns;
+use admittance_host::exit::ExitCode;
+use admittanced::config::SolverName;
+use admittanced::probe::{ObservedThread, Probe};
+use end_to_end::closed_loop::{Experiment, MPC_DEFAULT};
+use end_to_end::session::{PAPER_SCENARIO, PATIENT, TRIES, run_plant, start_daemon, wait_for_log, with_keys, write};
+use end_to_end::{Child, Need, PATIENCE, PrivateIpc, needs};
+use ipc_types::services::{self, Access};
+use ipc_types::{CommandSample, Mode, Motion, TruthSample};
+use plant_sim::plant::CycleTiming;
+use plant_sim::run::any_plant;
+
+/// Counts what each thread asks of the heap.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+    static FREES: Cell<u64> = const { Cell::new(0) };
+}
+
+fn count(counter: &'static std::thread::LocalKey<Cell<u64>>) {
+    // A thread that is ending has no thread-locals any more, and no cycle.
+    let _ = counter.try_with(|count| count.set(count.get() + 1));
+}
+
+// SAFETY: every call goes to the system's allocator unchanged; counting touches const thread-locals without destructors only.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(&ALLOCATIONS);
+        // SAFETY: as the caller promises.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(&ALLOCATIONS);
+        // SAFETY: as the caller promises.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(&ALLOCATIONS);
+        // SAFETY: as the caller promises.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count(&FREES);
+        // SAFETY: as the caller promises.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static HEAP: Counting = Counting;
+
+/// What the fence saw of the cycles in contact.
+#[derive(Debug, Default)]
+struct Seen {
+    cycles: AtomicU64,
+    /// Cycles, allocations and frees without a change of connections.
+    dirty: AtomicU64,
+    allocations: AtomicU64,
+    frees: AtomicU64,
+    /// The next cycle meets a change of connections.
+    changed: AtomicBool,
+    /// Cycles that met one, and allocations in them.
+    excepted: AtomicU64,
+    excepted_allocations: AtomicU64,
+}
+
+/// The fence around a cycle.
+struct Fence {
+    seen: &'static Seen,
+    allocations: u64,
+    frees: u64,
+}
+
+impl Probe for Fence {
+    fn looking(&mut self) {
+        (self.allocations, self.frees) = (ALLOCATIONS.get(), FREES.get());
+    }
+
+    fn sent(&mut self, command: &CommandSample, _: u64) {
+        let (allocations, frees) = (ALLOCATIONS.get() - self.allocations, FREES.get() - self.frees);
+        let add = |counter: &AtomicU64, value: u64| _ = counter.fetch_add(value, Ordering::Relaxed);
+        if self.seen.changed.swap(false, Ordering::Relaxed) {
+            add(&self.seen.excepted, 1);
+            add(&self.seen.excepted_allocations, allocations);
+        } else if command.mode == Mode::Contact.code() {
+            add(&self.seen.cycles, 1);
+            add(&self.seen.dirty, u64::from(allocations > 0));
+            add(&self.seen.allocations, allocations);
+            add(&self.seen.frees, frees);
+        }
+    }
+}
+
+/// Answers are never late and samples never stale: the plant's time passes as fast as both can compute.
+const NO_DEADLINE_S: f64 = 600.0;
+/// How far in the past the plant's time begins: it never catches up with the clock's.
+const HEAD_START_NS: u64 = 120_000_000_000;
+
+/// The real-time thread against the plant, over real ports, for this many cycles in contact; every `change` cycles a reader of
+/// commands joins, or leaves.
+fn fenced(solver: SolverName, contact_cycles: u64, change: u64) -> &'static Seen {
+    let ipc = PrivateIpc::new("planar");
+    // It presses and slides, up and down: rows of the optimisation come and go.
+    let phases: Vec<(f64, &[f64])> =
+        (0..32).map(|phase| (0.5, if phase % 2 == 0 { &[0.05, -0.12][..] } else { &[-0.12, -0.05][..] })).collect();
+    let mut experiment = Experiment::new(MPC_DEFAULT, PAPER_SCENARIO, 0.001).with_motion(&phases);
+    experiment.config.control.answer_budget_s = NO_DEADLINE_S;
+    experiment.config.control.max_sample_age_s = NO_DEADLINE_S;
+    experiment.config.mpc.solver = solver;
+    let realtime = &mut experiment.config.realtime;
+    // Not the test's matter, and not its right everywhere.
+    (realtime.lock_memory, realtime.priority, realtime.cpu) = (false, 0, None);
+    // The thread outlives no test; what it tells may outlive it.
+    let seen: &'static Seen = Box::leak(Box::default());
+    let fence = Fence { seen, allocations: 0, frees: 0 };
+    let mut thread = ObservedThread::start(&experiment.config, ipc.settings(), fence).expect("its ports open");
+
+    let node = ipc.settings().node("plant").expect("a node");
+    let instance = &ipc.settings().instance;
+    let states = services::state(&node, instance, Access::Open).expect("the daemon made it");
+    let states = states.publisher().expect("the only one");
+    let arrival = services::state_arrival(&node, instance, Access::Open).expect("the daemon made it");
+    let arrived = arrival.notifier().expect("a notifier");
+    let command = services::command(&node, instance, Access::Open).expect("the daemon made it");
+    let commands = command.subscriber().expect("a subscriber");
+    let mut plant =
+        any_plant(&experiment.scenario, monotonic_ns() - HEAD_START_NS, 1, false).expect("the scenario is sound");
+    let mut visitor = None;
+    let mut changes = 0;
+    let begun = Instant::now();
+    while !thread.is_finished() {
+        let contacts = seen.cycles.load(Ordering::Relaxed);
+        if contacts >= contact_cycles {
+            thread.stop();
+        } else if contacts / change > changes {
+            changes += 1;
+            visitor = if visitor.is_none() { Some(command.subscriber().expect("a subscriber")) } else { None };
+            seen.changed.store(true, Ordering::Relaxed);
+        }
+        states.send_copy(*plant.sample()).expect("sent");
+        arrived.notify().expect("notified");
+        let stamp = plant.now_ns();
+        while !thread.is_finished() {
+            assert!(begun.elapsed() < PATIENCE, "hangs after {contacts} cycles in contact");
+            if let Some(answer) = commands.receive().expect("a live service")
+                && answer.state_sequence == plant.sample().sequence
+            {
+                plant.receive(&answer, stamp).expect("the plant takes every command");
+                break;
+            }
+            std::thread::yield_now();
+        }
+        plant.settle(CycleTiming::default());
+        plant.integrate();
+        assert!(!plant.is_finished(), "the motion is over after {contacts} cycles in contact");
+    }
+    drop(visitor);
+    assert_eq!(thread.join(), ExitCode::Ok);
+    assert_eq!(seen.excepted.load(Ordering::Relaxed), changes, "each change of connections excepts one cycle");
+    println!("{seen:?} in {:?}", begun.elapsed());
+    seen
+}
+
+#[test]
+fn ten_thousand_contact_cycles_leave_the_heap_alone() {
+    let seen = fenced(SolverName::ActiveSet, 10_000, 1_500);
+    let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+    assert!(of(&seen.cycles) >= 10_000);
+    assert_eq!((of(&seen.dirty), of(&seen.allocations)), (0, 0), "{seen:?}");
+    // iceoryx2 gives back what the loan of the command took, in the slack of the cycle before.
+    assert!(of(&seen.frees) <= of(&seen.cycles), "{seen:?}");
+    assert_eq!(of(&seen.excepted), 6);
+    assert!(
+        of(&seen.excepted_allocations) > 0,
+        "a new connection allocates: the fence would have seen it elsewhere too"
+    );
+}
+
+#[test]
+fn the_fence_sees_a_solver_that_allocates() {
+    let seen = fenced(SolverName::Clarabel, 100, u64::MAX);
+    assert!(seen.dirty.load(Ordering::Relaxed) >= 100, "{seen:?}");
+}
+
+/// A scenario that stays in contact for two seconds and more, at 10 ms a cycle: time enough for what looks on.
+fn long_contact() -> String {
+    let changes = [
+        ("timing.sampling_time_s", "0.01"),
+        ("timing.command_delay_s", "0.001"),
+        ("start.contact_time_s", "0.5"),
+        ("motion", "[{ duration_s = 3.5, twist = [0.0, -0.05] }]"),
+    ];
+    with_keys(PAPER_SCENARIO, &changes)
+}
+
+/// The default profile for it.
+fn patient(wait: &str) -> String {
+    let wait = format!("\"{wait}\"");
+    let changes = [
+        ("control.sampling_time_s", "0.01"),
+        ("control.command_delay_s", "0.001"),
+        ("control.spin_s", "0.0005"),
+        ("control.wait", wait.as_str()),
+        ("realtime.require_realtime", "true"),
+    ];
+    let budget = ("control.answer_budget_s", "0.009");
+    with_keys(MPC_DEFAULT, &[&PATIENT, &changes[..], &[budget]].concat())
+}
+
+/// Whether a busy machine made the daemon stop the arm.
+fn was_stopped(truths: &[TruthSample]) -> bool {
+    truths.iter().any(|truth| truth.scenario_time_s > 0.0 && truth.motion == Motion::Hold.code())
+}
+
+/// The directory of the daemon's real-time thread below /proc.
+fn realtime_task(daemon: &Child) -> std::path::PathBuf {
+    let tasks = std::fs::read_dir(format!("/proc/{}/task", daemon.id())).expect("the daemon runs");
+    let named = |path: &Path| std::fs::read_to_string(path.join("comm")).is_ok_and(|name| name.trim() == "real-time");
+    tasks.flatten().map(|task| task.path()).find(|path| named(path)).expect("the thread has its name")
+}
+
+/// Minor and major page faults of a thread so far.
+fn page_faults(task: &Path) -> (u64, u64) {
+    let stat = std::fs::read_to_string(task.join("stat")).expect("the thread runs");
+    let (_, fields) = stat.rsplit_once(") ").expect("a name in parentheses");
+    // The state is field 3 of proc(5), minflt 10, majflt 12.
+    let field = |number: usize| fields.split(' ').nth(number - 3).and_then(|text| text.parse().ok()).expect("a number");
+    (field(10), field(12))
+}
+
+#[test]
+fn contact_takes_no_page_fault() {
+    if !needs(Need::Root) {
+        return;
+    }
+    for _ in 0..TRIES {
+        let ipc = PrivateIpc::new("planar");
+        let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &patient("hybrid")));
+        wait_for_log(&mut daemon, "real time: lock memory: done");
+        let task = realtime_task(&daemon);
+        let mut readings = Vec::new();
+        let truths = run_plant(&ipc, &write(&ipc, "scenario.toml", &long_contact()), |truth| {
+            if truth.in_contact == 1 {
+                readings.push(page_faults(&task));
+            }
+        });
+        if was_stopped(&truths) {
+            continue;
+        }
+        println!(
+            "{:?} at first contact, {:?} after {} cycles",
+            readings[0],
+            readings[readings.len() - 1],
+            readings.len()
+        );
+        assert!(readings.len() > 200, "{} cycles in contact", readings.len());
+        assert!(readings.iter().all(|faults| *faults == readings[0]), "{readings:?}");
+        return;
+    }
+    println!("SKIPPED: machine too busy: the daemon stopped for want of time in {TRIES} runs");
+}
+
+/// System calls of the real-time thread over a while in contact, by name, and the cycles in that while; `None` when a busy machine
+/// spoilt it.
+fn system_calls(wait: &str) -> Option<(BTreeMap<String, usize>, usize)> {
+    let ipc = PrivateIpc::new("planar");
+    let daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &patient(wait)));
+    let task = realtime_task(&daemon);
+    let thread = task.file_name().and_then(|name| name.to_str()).expect("a number").to_owned();
+    // Somebody waits for commands: only then is there anything to notify.
+    let node = ipc.settings().node("listener").expect("a node");
+    let arrival = services::command_arrival(&node, &ipc.settings().instance, Access::Open).expect("the daemon made it");
+    let listener = arrival.listener().expect("a listener");
+    let trace = ipc.directory().join("trace");
+    let mut strace = None;
+    let mut cycles = 0;
+    let truths = run_plant(&ipc, &write(&ipc, "scenario.toml", &long_contact()), |truth| {
+        let _ = listener.try_wait(|_| {});
+        let watched = truth.scenario_time_s >= 0.7 && truth.scenario_time_s < 3.0;
+        if watched && strace.is_none() {
+            let mut command = Command::new("strace");
+            let mut child = Child::spawn(command.arg("-o").arg(&trace).args(["-p", &thread]));
+            wait_for_log(&mut child, "attached");
+            strace = Some(child);
+        } else if watched {
+            cycles += 1;
+        } else if let Some(mut child) = strace.take_if(|_| truth.scenario_time_s >= 3.0) {
+            child.signal(libc::SIGINT);
+            child.wait_for_exit(PATIENCE);
+            strace = None;
+        }
+    });
+    if was_stopped(&truths) {
+        return None;
+    }
+    let text = std::fs::read_to_string(&trace).expect("strace wrote it");
+    let mut calls = BTreeMap::new();
+    for name in text.lines().filter_map(|line| line.split_once('(').map(|(name, _)| name)) {
+        *calls.entry(name.to_owned()).or_insert(0) += 1;
+    }
+    Some((calls, cycles))
+}
+
+#[test]
+fn the_real_time_thread_only_waits_and_notifies() {
+    if !needs(Need::Strace) || !needs(Need::Root) {
+        return;
+    }
+    // Most of each that a cycle needs: to block, to take the notification and see that it was the last, to notify. `hybrid`
+    // comes to blocking only when a sample is late.
+    let event = &[("ppoll", 1), ("recvfrom", 2), ("sendto", 1)][..];
+    for (wait, accepted) in [("event", event), ("hybrid", &[event, &[("clock_nanosleep", 1)]].concat())] {
+        let Some((calls, cycles)) = (0..TRIES).find_map(|_| system_calls(wait)) else {
+            println!("SKIPPED: machine too busy: the daemon stopped for want of time in {TRIES} runs");
+            return;
+        };
+        println!("{wait}: {calls:?} in {cycles} cycles");
+        assert!(cycles >= 100, "{cycles} cycles watched");
+        let total: usize = calls.values().sum();
+        assert!(total > 0, "strace saw nothing");
+        for (name, count) in &calls {
+            let most = accepted.iter().find(|(accepted, _)| accepted == name).map(|(_, most)| most * cycles);
+            let most = most.unwrap_or_else(|| panic!("{wait}: {name} is neither waiting nor notifying: {calls:?}"));
+            // strace comes and goes in the middle of a cycle.
+            assert!(*count <= most + most / 10 + 20, "{wait}: {count} times {name} in {cycles} cycles");
+        }
+    }
+}
