@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use admittance_core::ResetRefused;
 use admittance_core::mode::StopReason;
-use ipc_types::{CommandSample, TASK_AXES};
+use ipc_types::{CommandSample, RecordSample};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::cycle::{Cycle, CycleReport};
@@ -28,54 +28,13 @@ pub(crate) enum Reply {
     Replaced { unused: Box<dyn Cycle + Send>, refused: Option<&'static str> },
 }
 
-/// What the service thread knows of one cycle.
+/// What the service thread knows of one cycle, or of an order.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CycleRecord {
+    /// What is published.
+    pub(crate) sample: RecordSample,
+    /// What the log says besides: details of a fault, of a singular pose, of a wrong rate.
     pub(crate) report: CycleReport,
-    pub(crate) state_sequence: u64,
-    pub(crate) command_sequence: u64,
-    pub(crate) mode: u32,
-    pub(crate) motion: u32,
-    pub(crate) stop_reason: u32,
-    pub(crate) active_axes: u32,
-    pub(crate) verdict: u32,
-    pub(crate) verdict_axis: u32,
-    pub(crate) verdict_side: u32,
-    pub(crate) verdict_margin: f64,
-    pub(crate) verdict_time_s: f64,
-    pub(crate) fallback_count: u64,
-    pub(crate) late_count: u64,
-    pub(crate) missed_count: u64,
-    pub(crate) rejected_count: u64,
-    pub(crate) compute_time_ns: u64,
-    pub(crate) wrench: [f64; TASK_AXES],
-    pub(crate) velocity_offset: [f64; TASK_AXES],
-}
-
-impl CycleRecord {
-    pub(crate) fn new(command: &CommandSample, report: CycleReport, wrench: [f64; TASK_AXES]) -> Self {
-        Self {
-            report,
-            state_sequence: command.state_sequence,
-            command_sequence: command.sequence,
-            mode: command.mode,
-            motion: command.motion,
-            stop_reason: command.stop_reason,
-            active_axes: command.active_axes,
-            verdict: command.verdict,
-            verdict_axis: command.verdict_axis,
-            verdict_side: command.verdict_side,
-            verdict_margin: command.verdict_margin,
-            verdict_time_s: command.verdict_time_s,
-            fallback_count: command.fallback_count,
-            late_count: command.late_count,
-            missed_count: command.missed_count,
-            rejected_count: command.rejected_count,
-            compute_time_ns: command.compute_time_ns,
-            wrench,
-            velocity_offset: command.velocity_offset,
-        }
-    }
 }
 
 /// What both threads see.
@@ -109,8 +68,37 @@ impl Progress {
 pub(crate) struct RealtimeEnd {
     pub(crate) orders: Consumer<Order>,
     pub(crate) replies: Producer<Reply>,
-    pub(crate) records: Producer<CycleRecord>,
     pub(crate) progress: Arc<Progress>,
+    records: Producer<CycleRecord>,
+    /// Records so far, dropped ones included.
+    recorded: u64,
+}
+
+impl RealtimeEnd {
+    /// Completes a record with what the law says after it, and leaves it to the service thread; never waits for it.
+    pub(crate) fn record(
+        &mut self,
+        mut sample: RecordSample,
+        report: CycleReport,
+        command: &CommandSample,
+        cycle: &dyn Cycle,
+    ) {
+        self.recorded += 1;
+        let counters = cycle.counters();
+        sample.sequence = self.recorded;
+        sample.boot_id = command.boot_id;
+        sample.dropped_count = self.progress.dropped();
+        sample.limited_count = counters.limited;
+        sample.contact_losses = counters.contacts_lost;
+        sample.iterations = report.iterations;
+        sample.fault = report.fault_code().code();
+        sample.limited = u32::from(report.limited);
+        sample.contact_point = cycle.contact_point();
+        sample.command = *command;
+        if self.records.push(CycleRecord { sample, report }).is_err() {
+            self.progress.drop_record();
+        }
+    }
 }
 
 /// The service thread's ends.
@@ -136,9 +124,38 @@ pub(crate) fn channel() -> (RealtimeEnd, ServiceEnd) {
         RealtimeEnd {
             orders: order_consumer,
             replies: reply_producer,
-            records: record_producer,
             progress: Arc::clone(&progress),
+            records: record_producer,
+            recorded: 0,
         },
         ServiceEnd { orders: order_producer, replies: reply_consumer, records: record_consumer, progress },
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{config::Config, cycle};
+
+    #[test]
+    fn a_full_ring_drops_and_counts() {
+        let text = include_str!("../../deploy/demo/mpc-paper.toml");
+        let config: Config = admittance_host::config::parse(text, "mpc-paper.toml").expect("valid");
+        let cycle = cycle::build(&config).expect("an arm that is known");
+        let (mut realtime, mut service) = channel();
+        let mut record = || {
+            realtime.record(RecordSample::zeroed(), CycleReport::default(), &CommandSample::zeroed(), &*cycle);
+        };
+        (0..RECORDS + 3).for_each(|_| record());
+        assert_eq!(service.progress.dropped(), 3);
+        let first = service.records.pop().expect("a record");
+        record();
+        let mut last = first.sample;
+        while let Ok(record) = service.records.pop() {
+            last = record.sample;
+        }
+        // The gap shows in the sequence.
+        assert_eq!((first.sample.sequence, last.sequence, last.dropped_count), (1, RECORDS as u64 + 4, 3));
+        assert_eq!(service.progress.dropped(), 3);
+    }
 }

@@ -18,7 +18,7 @@ use crate::solver::Solver;
 use crate::{parameters, wire};
 
 /// What a cycle tells besides its command, for log and record.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CycleReport {
     /// Why the sample did not reach the law.
     pub fault: Option<SampleFault>,
@@ -34,6 +34,18 @@ pub struct CycleReport {
     pub singular: Option<Singular>,
     /// When the solver ended, ns of CLOCK_MONOTONIC; 0 when it was not called. A measurement, no part of the answer.
     pub solver_ended_ns: u64,
+}
+
+impl CycleReport {
+    /// Its fault as a code.
+    pub fn fault_code(&self) -> ipc_types::Fault {
+        wire::fault(self.fault.as_ref())
+    }
+}
+
+/// The reason that an order to stop gave on the wire; `None` for one that no order gives.
+pub fn ordered_reason(code: u32) -> Option<StopReason> {
+    [StopReason::Shutdown, StopReason::Disabled].into_iter().find(|reason| wire::stop_reason(*reason).code() == code)
 }
 
 /// A controller for some arm, on wire samples.
@@ -65,6 +77,9 @@ pub trait Cycle {
 
     /// Where the surface is believed to be; see [`Controller::contact_point`].
     fn contact_point(&self) -> [f64; 3];
+
+    /// Believes the surface to be elsewhere; see [`Controller::assume_contact_point`].
+    fn assume_contact_point(&mut self, position: [f64; 3]);
 
     /// Running counts; see [`Controller::counters`].
     fn counters(&self) -> Counters;
@@ -157,6 +172,10 @@ impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
 
     fn contact_point(&self) -> [f64; 3] {
         (*self.controller.contact_point()).into()
+    }
+
+    fn assume_contact_point(&mut self, position: [f64; 3]) {
+        self.controller.assume_contact_point(position.into());
     }
 
     fn counters(&self) -> Counters {

@@ -9,6 +9,7 @@ mod channel;
 pub mod clarabel_solver;
 pub mod config;
 pub mod cycle;
+mod diagnostics;
 mod instance_lock;
 mod log;
 mod notifications;

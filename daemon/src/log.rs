@@ -31,13 +31,14 @@ fn reason_name(code: u32) -> &'static str {
 impl CycleLog {
     /// Takes note of a cycle.
     pub(crate) fn cycle(&mut self, record: &CycleRecord) {
-        let state = (record.mode, record.stop_reason);
+        let command = &record.sample.command;
+        let state = (command.mode, command.stop_reason);
         if self.last != Some(state) {
             self.last = Some(state);
             transition(record);
         }
         // A controller that is not there is no fault of a sample; the mode says it.
-        let at_rest = record.mode == Mode::Idle.code() || record.mode == Mode::Stopped.code();
+        let at_rest = command.mode == Mode::Idle.code() || command.mode == Mode::Stopped.code();
         if let Some(fault) = &record.report.fault
             && !(at_rest && *fault == SampleFault::Silence)
         {
@@ -70,11 +71,12 @@ impl CycleLog {
 }
 
 fn transition(record: &CycleRecord) {
-    let (mode, stop_reason) = (mode_name(record.mode), reason_name(record.stop_reason));
+    let command = &record.sample.command;
+    let (mode, stop_reason) = (mode_name(command.mode), reason_name(command.stop_reason));
     let why = explanation(record);
-    match Mode::from_code(record.mode) {
+    match Mode::from_code(command.mode) {
         Some(Mode::Stopping | Mode::Stopped) => tracing::warn!(mode, stop_reason, "{mode}: {stop_reason}{why}"),
-        _ if record.stop_reason != StopReason::None.code() => {
+        _ if command.stop_reason != StopReason::None.code() => {
             tracing::warn!(mode, stop_reason, "{mode}: {stop_reason}{why}");
         }
         _ => tracing::info!(mode, stop_reason, "{mode}"),
@@ -83,14 +85,15 @@ fn transition(record: &CycleRecord) {
 
 /// What a person needs beside the reason's name.
 fn explanation(record: &CycleRecord) -> String {
-    match StopReason::from_code(record.stop_reason) {
-        Some(StopReason::Infeasible) if record.verdict == Verdict::Infeasible.code() => {
-            let axis = AXES.get(record.verdict_axis as usize).unwrap_or(&"?");
-            let side = if record.verdict_side == Side::Upper.code() { "upper" } else { "lower" };
+    let command = &record.sample.command;
+    match StopReason::from_code(command.stop_reason) {
+        Some(StopReason::Infeasible) if command.verdict == Verdict::Infeasible.code() => {
+            let axis = AXES.get(command.verdict_axis as usize).unwrap_or(&"?");
+            let side = if command.verdict_side == Side::Upper.code() { "upper" } else { "lower" };
             format!(
                 ", the {side} limit on {axis} is missed by at least {:.1} N in {:.1} ms",
-                -record.verdict_margin,
-                record.verdict_time_s * 1e3
+                -command.verdict_margin,
+                command.verdict_time_s * 1e3
             )
         }
         Some(StopReason::Singular) => record.report.singular.map_or_else(String::new, |singular| {
@@ -116,22 +119,24 @@ fn explanation(record: &CycleRecord) -> String {
 /// "Stopped (Infeasible)".
 pub(crate) fn state_of(last: Option<&CycleRecord>) -> String {
     let Some(last) = last else { return "Idle (no cycle yet)".to_owned() };
-    if last.stop_reason == StopReason::None.code() {
-        mode_name(last.mode).to_owned()
+    let command = &last.sample.command;
+    if command.stop_reason == StopReason::None.code() {
+        mode_name(command.mode).to_owned()
     } else {
-        format!("{} ({})", mode_name(last.mode), reason_name(last.stop_reason))
+        format!("{} ({})", mode_name(command.mode), reason_name(command.stop_reason))
     }
 }
 
 /// One sentence about the daemon's state.
 pub(crate) fn status_sentence(last: Option<&CycleRecord>) -> String {
     let Some(record) = last else { return "no state sample yet: waiting for the motion controller".to_owned() };
+    let command = &record.sample.command;
     let mut text = state_of(last);
-    if record.motion == Motion::Hold.code() {
+    if command.motion == Motion::Hold.code() {
         text += ", holding";
     }
-    if record.verdict == Verdict::Feasible.code() {
-        text += &format!(", feasible with {:.1} N to spare", record.verdict_margin);
+    if command.verdict == Verdict::Feasible.code() {
+        text += &format!(", feasible with {:.1} N to spare", command.verdict_margin);
     }
     text + &explanation(record)
 }

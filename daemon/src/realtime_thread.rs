@@ -12,14 +12,18 @@ use admittance_host::realtime::{RealtimeSection, StepReport, go_real_time};
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use ipc_types::services::{self, Access};
-use ipc_types::{CommandSample, IpcSettings, Motion, Node, Notifier, Publisher, StateSample, StopReason, Subscriber};
+use ipc_types::{
+    CommandSample, IpcSettings, Motion, Node, Notifier, Publisher, RecordKind, RecordSample, StateSample, StopReason,
+    Subscriber,
+};
 
 use crate::arrival::ArrivalEstimate;
-use crate::channel::{CycleRecord, Order, RealtimeEnd, Reply};
+use crate::channel::{Order, RealtimeEnd, Reply};
 use crate::config::{Config, Wait};
 use crate::cycle::{Cycle, CycleReport};
 use crate::notifications::Notifications;
 use crate::probe::Probe;
+use crate::wire;
 
 /// What the thread needs to begin.
 pub(crate) struct RealtimeThread {
@@ -173,16 +177,22 @@ impl<P: Probe> Loop<'_, P> {
             let received = monotonic_ns();
             // When the law first asked for the time: what comes before is not the solver's.
             let mut asked = 0;
-            let (report, wrench) = if let Some(state) = sample {
+            let mut record = RecordSample { now_ns: received, ..RecordSample::zeroed() };
+            let report = if let Some(state) = &sample {
                 let deadline = state.stamp_ns.saturating_add(self.timing.answer_budget);
+                let mut questions = 0;
                 let mut expired = || {
                     let now = monotonic_ns();
                     asked = if asked == 0 { now } else { asked };
+                    questions += 1;
+                    if now >= deadline && record.expired_at == 0 {
+                        record.expired_at = questions;
+                    }
                     now >= deadline
                 };
-                let report = self.cycle.answer(&state, received, &mut expired, &mut self.command);
+                let report = self.cycle.answer(state, received, &mut expired, &mut self.command);
                 self.arrival.see(state.boot_id, state.sequence, state.stamp_ns, received);
-                (report, state.wrench)
+                report
             } else {
                 if self.ports.arrivals.take() {
                     continue;
@@ -191,14 +201,24 @@ impl<P: Probe> Loop<'_, P> {
                     self.wait(received, last_event);
                     continue;
                 }
-                (self.cycle.silence(received, &mut self.command), [f64::NAN; ipc_types::TASK_AXES])
+                self.cycle.silence(received, &mut self.command)
             };
             last_event = received;
             // Before the first sample there is nothing to answer.
             if self.command.state_sequence > 0 {
                 self.publish(slot.take(), received, report.solver_ended_ns.saturating_sub(asked));
                 slot = self.ports.commands.loan_uninit().ok();
-                self.record(report, wrench);
+            }
+            // From here on there is time.
+            record.kind = if sample.is_some() { RecordKind::Sample } else { RecordKind::Silence }.code();
+            if let Some(state) = &sample {
+                record.state = **state;
+                record.wake_up_latency_ns = received.saturating_sub(state.stamp_ns);
+                record.answer_time_ns = self.command.stamp_ns.saturating_sub(state.stamp_ns);
+                record.compute_time_ns = self.command.compute_time_ns;
+            }
+            self.channel.record(record, report, &self.command, &*self.cycle);
+            if self.command.state_sequence > 0 {
                 self.ports.arrivals.take();
             }
         }
@@ -242,21 +262,23 @@ impl<P: Probe> Loop<'_, P> {
         let _ = self.ports.answered.notify();
     }
 
-    fn record(&mut self, report: CycleReport, wrench: [f64; ipc_types::TASK_AXES]) {
-        if self.channel.records.push(CycleRecord::new(&self.command, report, wrench)).is_err() {
-            self.channel.progress.drop_record();
-        }
-    }
-
     fn obey(&mut self) {
         while let Ok(order) = self.channel.orders.pop() {
+            let mut record = RecordSample { now_ns: monotonic_ns(), ..RecordSample::zeroed() };
             let reply = match order {
                 Order::Stop(reason) => {
                     self.cycle.request_stop(reason);
                     self.stopping = true;
-                    continue;
+                    record.kind = RecordKind::Stop.code();
+                    record.stop_order = wire::stop_reason(reason).code();
+                    None
                 }
-                Order::Reset { force } => Reply::Reset(self.cycle.reset(force)),
+                Order::Reset { force } => {
+                    let outcome = self.cycle.reset(force);
+                    record.kind = RecordKind::Reset.code();
+                    (record.forced, record.done) = (u32::from(force), u32::from(outcome.is_ok()));
+                    Some(Reply::Reset(outcome))
+                }
                 Order::Replace(mut new) => {
                     let refused = match self.cycle.mode() {
                         Mode::Contact | Mode::Stopping => Some("the arm is in contact"),
@@ -266,11 +288,16 @@ impl<P: Probe> Loop<'_, P> {
                     if refused.is_none() {
                         std::mem::swap(&mut self.cycle, &mut new);
                     }
-                    Reply::Replaced { unused: new, refused }
+                    record.kind = RecordKind::Replaced.code();
+                    record.done = u32::from(refused.is_none());
+                    Some(Reply::Replaced { unused: new, refused })
                 }
             };
+            self.channel.record(record, CycleReport::default(), &self.command, &*self.cycle);
             // As many replies fit as orders: a full ring means that the service thread is gone.
-            let _ = self.channel.replies.push(reply);
+            if let Some(reply) = reply {
+                let _ = self.channel.replies.push(reply);
+            }
         }
     }
 }
@@ -303,15 +330,7 @@ mod tests {
         }
 
         fn silence(&mut self, _: u64, _: &mut CommandSample) -> CycleReport {
-            CycleReport {
-                fault: None,
-                iterations: 0,
-                expired_at: None,
-                limited: false,
-                wrong_rate: None,
-                singular: None,
-                solver_ended_ns: 0,
-            }
+            CycleReport::default()
         }
 
         fn request_stop(&mut self, _: CoreStopReason) {}
@@ -327,6 +346,8 @@ mod tests {
         fn contact_point(&self) -> [f64; 3] {
             [0.0; 3]
         }
+
+        fn assume_contact_point(&mut self, _: [f64; 3]) {}
 
         fn counters(&self) -> admittance_core::outcome::Counters {
             admittance_core::outcome::Counters::default()

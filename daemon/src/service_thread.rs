@@ -1,5 +1,5 @@
-//! The service thread: signals, requests, log, watchdog. Normal priority, its own node; it never touches the real-time
-//! thread but through the rings.
+//! The service thread: signals, requests, log, records and diagnostics, watchdog. Normal priority, its own node; it never
+//! touches the real-time thread but through the rings.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -7,12 +7,17 @@ use std::time::Duration;
 use admittance_core::mode::StopReason;
 use admittance_host::clock::monotonic_ns;
 use admittance_host::config;
-use ipc_types::{Instance, Node, RequestKind, RequestSample, ResponseSample, ResponseStatus, Server};
+use ipc_types::services::{self, Access};
+use ipc_types::{
+    Instance, Node, Publisher, RecordKind, RecordSample, RequestKind, RequestSample, ResponseSample, ResponseStatus,
+    Server,
+};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use crate::channel::{CycleRecord, Order, Reply, ServiceEnd};
 use crate::config::Config;
+use crate::diagnostics::Diagnostics;
 use crate::{cycle, log, notify};
 
 /// How often the thread looks after everything.
@@ -23,20 +28,21 @@ const ORDER_PATIENCE_NS: u64 = 1_500_000_000;
 /// The thread's state.
 pub(crate) struct ServiceThread {
     server: Server,
+    records: Publisher<RecordSample>,
+    diagnostics: Diagnostics,
     _node: Node,
     signals: Signals,
     channel: ServiceEnd,
     config_path: PathBuf,
     config: Config,
     last: Option<CycleRecord>,
-    cycles: u64,
     started: u64,
     log: log::CycleLog,
     notify: notify::Notify,
 }
 
 impl ServiceThread {
-    /// Opens the request service and takes over the signals.
+    /// Opens the thread's services and takes over the signals.
     pub(crate) fn open(
         node: Node,
         instance: &Instance,
@@ -44,20 +50,26 @@ impl ServiceThread {
         config_path: PathBuf,
         config: Config,
     ) -> Result<Self, String> {
-        let service = ipc_types::services::request(&node, instance, ipc_types::services::Access::OpenOrCreate)
-            .map_err(|error| error.to_string())?;
+        let create = Access::OpenOrCreate;
+        let record = services::record(&node, instance, create).map_err(|error| error.to_string())?;
+        let records = record.publisher().map_err(|error| error.to_string())?;
+        let started = monotonic_ns();
+        let diagnostics = Diagnostics::open(&node, instance, &config, started)?;
+        // The last one: who finds it, finds all.
+        let service = services::request(&node, instance, create).map_err(|error| error.to_string())?;
         let server = service.server().map_err(|error| error.to_string())?;
         let signals = Signals::new([SIGTERM, SIGINT, SIGHUP]).map_err(|error| format!("signal handlers: {error}"))?;
         Ok(Self {
             server,
+            records,
+            diagnostics,
             _node: node,
             signals,
             channel,
             config_path,
             config,
             last: None,
-            cycles: 0,
-            started: monotonic_ns(),
+            started,
             log: log::CycleLog::default(),
             notify: notify::Notify::new(),
         })
@@ -70,6 +82,7 @@ impl ServiceThread {
             self.take_signals();
             self.read_records();
             self.serve_requests();
+            self.diagnostics.publish(self.last.as_ref().map(|last| &last.sample), self.channel.progress.dropped());
             self.notify.watchdog(self.channel.progress.turns());
             std::thread::sleep(TURN);
         }
@@ -98,9 +111,19 @@ impl ServiceThread {
 
     fn read_records(&mut self) {
         while let Ok(record) = self.channel.records.pop() {
-            self.cycles += 1;
-            self.log.cycle(&record);
-            self.last = Some(record);
+            // Who does not read fast enough sees a gap in the sequence; publishing never waits.
+            if let Err(error) = self.records.send_copy(record.sample) {
+                tracing::debug!("a record was not published: {error:?}");
+            }
+            self.diagnostics.heard_of(record.sample.boot_id);
+            let is_cycle =
+                [RecordKind::Sample, RecordKind::Silence].map(RecordKind::code).contains(&record.sample.kind);
+            // Before the first sample there is nothing to tell.
+            if is_cycle && record.sample.command.state_sequence > 0 {
+                self.diagnostics.cycle(&record.sample);
+                self.log.cycle(&record);
+                self.last = Some(record);
+            }
         }
         self.log.flush(self.channel.progress.dropped());
     }
@@ -160,11 +183,12 @@ impl ServiceThread {
     fn response(&self, id: u64, status: ResponseStatus, text: &str) -> ResponseSample {
         let mut response = ResponseSample { id, status: status.code(), ..ResponseSample::zeroed() };
         response.uptime_ns = monotonic_ns().saturating_sub(self.started);
-        response.cycles = self.cycles;
+        response.cycles = self.diagnostics.cycles();
         response.joint_count = self.config.robot.joint.len() as u32;
-        if let Some(last) = &self.last {
+        if let Some(CycleRecord { sample, .. }) = &self.last {
+            let last = &sample.command;
             response.state_sequence = last.state_sequence;
-            response.command_sequence = last.command_sequence;
+            response.command_sequence = last.sequence;
             response.fallback_count = last.fallback_count;
             response.late_count = last.late_count;
             response.missed_count = last.missed_count;
@@ -177,7 +201,7 @@ impl ServiceThread {
             response.verdict = last.verdict;
             response.verdict_margin = last.verdict_margin;
             response.verdict_time_s = last.verdict_time_s;
-            response.wrench = last.wrench.map(|value| if value.is_finite() { value } else { 0.0 });
+            response.wrench = self.diagnostics.wrench();
             response.velocity_offset = last.velocity_offset;
         }
         response.set_text(text);
@@ -212,6 +236,7 @@ impl ServiceThread {
                 return match refused {
                     Some(why) => Err(format!("{why}; the old configuration stays in force")),
                     None => {
+                        self.diagnostics.configure(&new);
                         self.config = new;
                         Ok("the new configuration is in force".to_owned())
                     }

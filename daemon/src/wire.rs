@@ -5,7 +5,7 @@ use admittance_core::feasibility::{Side, Verdict};
 use admittance_core::mode::{Mode, StopReason};
 use admittance_core::outcome::{Motion, Outcome, Source};
 use admittance_core::qp::QpSolver;
-use admittance_core::sample::Sample;
+use admittance_core::sample::{Sample, SampleFault};
 use ipc_types::{CommandSample, StateSample};
 use nalgebra::SVector;
 
@@ -92,8 +92,23 @@ fn motion(motion: Motion) -> ipc_types::Motion {
     }
 }
 
+/// Why a sample did not reach the law, on the wire.
+pub(crate) fn fault(fault: Option<&SampleFault>) -> ipc_types::Fault {
+    match fault {
+        None => ipc_types::Fault::None,
+        Some(SampleFault::JointCount { .. }) => ipc_types::Fault::JointCount,
+        Some(SampleFault::NotFinite { .. }) => ipc_types::Fault::NotFinite,
+        Some(SampleFault::Implausible { .. }) => ipc_types::Fault::Implausible,
+        Some(SampleFault::WrenchInvalid) => ipc_types::Fault::WrenchInvalid,
+        Some(SampleFault::Stale { .. }) => ipc_types::Fault::Stale,
+        Some(SampleFault::FromFuture { .. }) => ipc_types::Fault::FromFuture,
+        Some(SampleFault::OutOfOrder { .. }) => ipc_types::Fault::OutOfOrder,
+        Some(SampleFault::Silence) => ipc_types::Fault::Silence,
+    }
+}
+
 /// The mode on the wire.
-pub(crate) fn mode(mode: Mode) -> ipc_types::Mode {
+fn mode(mode: Mode) -> ipc_types::Mode {
     match mode {
         Mode::Idle => ipc_types::Mode::Idle,
         Mode::Free => ipc_types::Mode::Free,
@@ -115,7 +130,8 @@ fn source(source: Source) -> ipc_types::Source {
     }
 }
 
-fn stop_reason(reason: StopReason) -> ipc_types::StopReason {
+/// The stop reason on the wire.
+pub(crate) fn stop_reason(reason: StopReason) -> ipc_types::StopReason {
     match reason {
         StopReason::Infeasible => ipc_types::StopReason::Infeasible,
         StopReason::StartedInContact => ipc_types::StopReason::StartedInContact,

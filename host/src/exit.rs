@@ -18,6 +18,10 @@ pub enum ExitCode {
     Unavailable = 69,
     /// A bug of the program itself: a panic, a broken invariant (EX_SOFTWARE).
     Internal = 70,
+    /// An output file cannot be created (EX_CANTCREAT).
+    CantCreate = 73,
+    /// Writing or reading failed on the way, such as on a full disk (EX_IOERR).
+    IoError = 74,
     /// The machine is too busy for the timing that the result rests on; try again (EX_TEMPFAIL).
     MachineBusy = 75,
     /// A permission is lacking (EX_NOPERM).
@@ -28,7 +32,7 @@ pub enum ExitCode {
 
 impl ExitCode {
     /// Every code, in ascending order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 12] = [
         Self::Ok,
         Self::ClaimNotMet,
         Self::Usage,
@@ -36,6 +40,8 @@ impl ExitCode {
         Self::NoInput,
         Self::Unavailable,
         Self::Internal,
+        Self::CantCreate,
+        Self::IoError,
         Self::MachineBusy,
         Self::NoPermission,
         Self::Config,
@@ -65,7 +71,7 @@ mod tests {
     #[test]
     fn codes_are_those_of_sysexits() {
         let codes = ExitCode::ALL.map(ExitCode::code);
-        assert_eq!(codes, [0, 1, 64, 65, 66, 69, 70, 75, 77, 78]);
+        assert_eq!(codes, [0, 1, 64, 65, 66, 69, 70, 73, 74, 75, 77, 78]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Room in /dev/shm: running out of it is a SIGBUS in the middle of a cycle, not an error.
 
-/// Free space that the services of one daemon need, with room to spare, in bytes.
-pub const NEEDED_BYTES: u64 = 16 << 20;
+/// Free space that the services of one daemon need, with room to spare, in bytes; most of it for records that wait for their readers.
+pub const NEEDED_BYTES: u64 = 32 << 20;
 
 /// Free bytes of /dev/shm for this user; `None` where it is not mounted.
 pub fn free_bytes() -> Option<u64> {

@@ -44,10 +44,11 @@ def load_schema(path):
         return json.load(file)
 
 
-def field_type(field):
-    """The ctypes type of a field: its scalar, wrapped in its dimensions from the innermost outwards."""
+def field_type(field, classes):
+    """The ctypes type of a field: its scalar, or the class of the sample that it holds, wrapped in its dimensions from the
+    innermost outwards."""
     try:
-        kind = SCALARS[field["type"]]
+        kind = SCALARS.get(field["type"]) or classes[field["type"]]
     except KeyError:
         raise SchemaError(f"field {field['name']}: unknown type {field['type']}") from None
     for dimension in reversed(field["shape"]):
@@ -55,14 +56,15 @@ def field_type(field):
     return kind
 
 
-def make_class(entry):
-    """Builds the ctypes structure of one type; refuses it when ctypes lays it out differently than the schema says."""
+def make_class(entry, classes):
+    """Builds the ctypes structure of one type, which may hold those before it; refuses it when ctypes lays it out differently
+    than the schema says."""
     type_name = entry["type_name"]
     cls = type(
         entry["name"],
         (ctypes.Structure,),
         {
-            "_fields_": [(field["name"], field_type(field)) for field in entry["fields"]],
+            "_fields_": [(field["name"], field_type(field, classes)) for field in entry["fields"]],
             "type_name": staticmethod(lambda: type_name),
             "__doc__": entry["meaning"],
         },
@@ -84,7 +86,9 @@ class Contract:
 
     def __init__(self, schema):
         self.types = {entry["name"]: entry for entry in schema["types"]}
-        self.classes = {name: make_class(entry) for name, entry in self.types.items()}
+        self.classes = {}
+        for name, entry in self.types.items():
+            self.classes[name] = make_class(entry, self.classes)
         self.enums = {
             entry["name"]: {value["code"]: value["name"] for value in entry["values"]} for entry in schema["enums"]
         }

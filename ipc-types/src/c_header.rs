@@ -34,6 +34,7 @@ fn write_header(out: &mut String, schema: &Schema) -> Result {
     writeln!(out, "#define ADMITTANCED_MAX_JOINTS {}", constants.max_joints)?;
     writeln!(out, "#define ADMITTANCED_TASK_AXES {}", constants.task_axes)?;
     writeln!(out, "#define ADMITTANCED_MAX_PLAN {}", constants.max_plan)?;
+    writeln!(out, "#define ADMITTANCED_QUANTILES {}", constants.quantiles)?;
     writeln!(out, "#define ADMITTANCED_TEXT_LENGTH {}\n", constants.text_length)?;
     writeln!(out, "/* Service names: printf formats of the instance name. */")?;
     for service in &schema.services {
@@ -86,7 +87,8 @@ fn write_field(out: &mut String, field: &FieldInfo) -> Result {
         "u8" => "uint8_t",
         "u32" => "uint32_t",
         "u64" => "uint64_t",
-        _ => "double",
+        "f64" => "double",
+        sample => &format!("admittanced_{}", snake(sample)),
     };
     let dimensions: String = field.shape.iter().map(|n| format!("[{n}]")).collect();
     writeln!(out, "    /* {} Unit: {}. Range: {}. */", field.meaning, field.unit, field.range)?;

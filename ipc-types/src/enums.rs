@@ -93,6 +93,32 @@ wire_enum! {
     }
 }
 
+wire_enum! {
+    /// What a record tells of.
+    enum RecordKind {
+        Sample = 1 "A state sample was answered.";
+        Silence = 2 "There was no state sample for too long.";
+        Reset = 3 "A reset was asked for.";
+        Stop = 4 "The end of control was ordered.";
+        Replaced = 5 "A new configuration was handed over.";
+    }
+}
+
+wire_enum! {
+    /// Why a state sample did not reach the law.
+    enum Fault {
+        None = 0 "It did.";
+        JointCount = 1 "Its joint count is not the configured robot's.";
+        NotFinite = 2 "A value is NaN or infinite.";
+        Implausible = 3 "A value is larger than any arm's.";
+        WrenchInvalid = 4 "Its wrench is marked as invalid.";
+        Stale = 5 "It was older than the accepted age.";
+        FromFuture = 6 "It was stamped more than one sampling time ahead.";
+        OutOfOrder = 7 "Its sequence or stamp does not follow the last accepted one's.";
+        Silence = 8 "There was none.";
+    }
+}
+
 /// Every wire enum of the contract.
 pub const ENUMS: &[EnumInfo] = &[
     Motion::INFO,
@@ -103,4 +129,6 @@ pub const ENUMS: &[EnumInfo] = &[
     StopReason::INFO,
     RequestKind::INFO,
     ResponseStatus::INFO,
+    RecordKind::INFO,
+    Fault::INFO,
 ];

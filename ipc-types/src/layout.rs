@@ -1,43 +1,126 @@
 //! What a sample or an enum of the wire contract looks like, as data: the schema and the C header are written from this
 //! alone.
 
-/// A type that may appear in a sample: `u8`, `u32`, `u64`, `f64`, and arrays of them with one or two dimensions.
+use serde_json::Value;
+
+/// A type that may appear in a sample: `u8`, `u32`, `u64`, `f64`, arrays of them with one or two dimensions, and another
+/// sample.
 pub trait WireType: Copy {
-    /// Name of the scalar in the schema.
+    /// Name of the scalar, or of the sample, in the schema.
     const SCALAR: &'static str;
     /// Dimensions, outermost first; empty for a scalar.
     const SHAPE: &'static [usize];
     /// All bytes zero.
     const ZERO: Self;
+
+    /// Whether two values are the same to the bit; two NaN are, whatever their payloads.
+    fn same_bits(&self, other: &Self) -> bool;
+
+    /// The value as JSON, from which [`Self::from_json`] makes the same bits again (of a NaN, only that it is one): numbers
+    /// as numbers, those that JSON lacks as "NaN", "inf" and "-inf", arrays as one list, row after row, samples as objects.
+    fn to_json(&self) -> Value;
+
+    /// The value that [`Self::to_json`] wrote; `None` when it is another type's, or a field is missing.
+    fn from_json(value: &Value) -> Option<Self>;
 }
 
 /// A scalar of the wire contract.
 pub trait WireScalar: WireType {}
 
 macro_rules! wire_scalar {
-    ($($scalar:ident = $zero:literal),+) => {
+    ($($scalar:ident = $zero:literal, $same_bits:expr, $to_json:expr, $from_json:expr;)+) => {
         $(
             impl WireType for $scalar {
                 const SCALAR: &'static str = stringify!($scalar);
                 const SHAPE: &'static [usize] = &[];
                 const ZERO: Self = $zero;
+
+                fn same_bits(&self, other: &Self) -> bool {
+                    $same_bits(self, other)
+                }
+
+                fn to_json(&self) -> Value {
+                    $to_json(*self)
+                }
+
+                fn from_json(value: &Value) -> Option<Self> {
+                    $from_json(value)
+                }
             }
             impl WireScalar for $scalar {}
         )+
     };
 }
-wire_scalar!(u8 = 0, u32 = 0, u64 = 0, f64 = 0.0);
+wire_scalar! {
+    u8 = 0, Self::eq, Value::from, |value: &Value| value.as_u64()?.try_into().ok();
+    u32 = 0, Self::eq, Value::from, |value: &Value| value.as_u64()?.try_into().ok();
+    u64 = 0, Self::eq, Value::from, Value::as_u64;
+    f64 = 0.0, float_same_bits, float_to_json, float_from_json;
+}
+
+fn float_same_bits(one: &f64, other: &f64) -> bool {
+    one.to_bits() == other.to_bits() || (one.is_nan() && other.is_nan())
+}
+
+fn float_to_json(value: f64) -> Value {
+    match serde_json::Number::from_f64(value) {
+        Some(number) => Value::Number(number),
+        None if value.is_nan() => Value::from("NaN"),
+        None => Value::from(if value > 0.0 { "inf" } else { "-inf" }),
+    }
+}
+
+fn float_from_json(value: &Value) -> Option<f64> {
+    match value {
+        Value::String(text) => match text.as_str() {
+            "NaN" => Some(f64::NAN),
+            "inf" => Some(f64::INFINITY),
+            "-inf" => Some(f64::NEG_INFINITY),
+            _ => None,
+        },
+        _ => value.as_f64(),
+    }
+}
 
 impl<T: WireScalar, const N: usize> WireType for [T; N] {
     const SCALAR: &'static str = T::SCALAR;
     const SHAPE: &'static [usize] = &[N];
     const ZERO: Self = [T::ZERO; N];
+
+    fn same_bits(&self, other: &Self) -> bool {
+        self.iter().zip(other).all(|(one, other)| one.same_bits(other))
+    }
+
+    fn to_json(&self) -> Value {
+        self.iter().map(T::to_json).collect()
+    }
+
+    fn from_json(value: &Value) -> Option<Self> {
+        <[Self; 1]>::from_json(value).map(|[array]| array)
+    }
 }
 
 impl<T: WireScalar, const N: usize, const M: usize> WireType for [[T; N]; M] {
     const SCALAR: &'static str = T::SCALAR;
     const SHAPE: &'static [usize] = &[M, N];
     const ZERO: Self = [[T::ZERO; N]; M];
+
+    fn same_bits(&self, other: &Self) -> bool {
+        self.iter().zip(other).all(|(one, other)| one.same_bits(other))
+    }
+
+    fn to_json(&self) -> Value {
+        self.as_flattened().iter().map(T::to_json).collect()
+    }
+
+    fn from_json(value: &Value) -> Option<Self> {
+        let list = value.as_array().filter(|list| list.len() == M * N)?;
+        let mut array = Self::ZERO;
+        for (slot, value) in array.as_flattened_mut().iter_mut().zip(list) {
+            *slot = T::from_json(value)?;
+        }
+        Some(array)
+    }
 }
 
 /// One field of a sample.
@@ -45,7 +128,7 @@ impl<T: WireScalar, const N: usize, const M: usize> WireType for [[T; N]; M] {
 pub struct FieldInfo {
     /// Name in Rust, C and the schema.
     pub name: &'static str,
-    /// Scalar type: `u8`, `u32`, `u64` or `f64`.
+    /// Scalar type: `u8`, `u32`, `u64` or `f64`; or the name of the sample type that the field holds.
     #[serde(rename = "type")]
     pub scalar: &'static str,
     /// Dimensions, outermost first; empty for a scalar.
@@ -105,7 +188,7 @@ pub struct EnumInfo {
 }
 
 /// A sample of the wire contract, declared by `wire_sample!`.
-pub trait WireSample: Copy + core::fmt::Debug + iceoryx2::prelude::ZeroCopySend + 'static {
+pub trait WireSample: WireType + core::fmt::Debug + iceoryx2::prelude::ZeroCopySend + 'static {
     /// Its layout and meaning.
     const INFO: SampleInfo;
 }

@@ -1,7 +1,8 @@
 //! The wire contract of admittanced: what travels through shared memory between the motion controller, the daemon and
 //! its tools, under which service names, and with which quality of service.
 //!
-//! - [`StateSample`], [`CommandSample`], [`TruthSample`], [`RequestSample`], [`ResponseSample`]: fixed-size samples.
+//! - [`StateSample`], [`CommandSample`], [`TruthSample`], [`RequestSample`], [`ResponseSample`], [`RecordSample`],
+//!   [`DiagnosticsSample`]: fixed-size samples.
 //! - [`services`]: one function per service.
 //! - [`IpcSettings`]: root path, prefix and instance, from which nodes are made.
 //! - [`schema`]: the contract as JSON and as a C header, for clients in other languages.
@@ -27,13 +28,17 @@ pub mod schema;
 pub mod services;
 
 pub use c_header::c_header;
-pub use enums::{ENUMS, Mode, Motion, RequestKind, ResponseStatus, Side, Source, StopReason, Verdict};
+pub use enums::{
+    ENUMS, Fault, Mode, Motion, RecordKind, RequestKind, ResponseStatus, Side, Source, StopReason, Verdict,
+};
 pub use errors::{PortError, ServiceError};
 pub use instance::{Instance, InstanceError, MAX_INSTANCE_LENGTH};
 pub use ports::{Client, Event, Listener, Notifier, PublishSubscribe, Publisher, RequestResponse, Server, Subscriber};
 pub use removal::{RemoveError, remove_all, shared_memory_files};
-pub use samples::{CommandSample, RequestSample, ResponseSample, SAMPLES, StateSample, TruthSample};
-pub use schema::schema_json;
+pub use samples::{
+    CommandSample, DiagnosticsSample, RecordSample, RequestSample, ResponseSample, SAMPLES, StateSample, TruthSample,
+};
+pub use schema::{json_schema, schema_json};
 pub use services::Access;
 pub use settings::{
     DEFAULT_PREFIX, DEFAULT_ROOT_PATH, IpcSettings, MAX_PREFIX_LENGTH, Node, NodeError, SettingsError, quiet_iceoryx2,
@@ -47,5 +52,7 @@ pub const MAX_JOINTS: usize = 8;
 pub const TASK_AXES: usize = 6;
 /// Plan steps that a command can hold.
 pub const MAX_PLAN: usize = 32;
+/// Quantiles of a time in the diagnostics: p50, p99, p99.9 and the maximum.
+pub const QUANTILES: usize = 4;
 /// Bytes of text in a response.
 pub const TEXT_LENGTH: usize = 1024;

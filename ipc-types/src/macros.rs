@@ -42,6 +42,27 @@ macro_rules! wire_sample {
             }
         }
 
+        impl $crate::layout::WireType for $name {
+            const SCALAR: &'static str = stringify!($name);
+            const SHAPE: &'static [usize] = &[];
+            const ZERO: Self = Self::zeroed();
+
+            fn same_bits(&self, other: &Self) -> bool {
+                $( self.$field.same_bits(&other.$field) )&&+
+            }
+
+            fn to_json(&self) -> serde_json::Value {
+                let mut object = serde_json::Map::new();
+                $( object.insert(stringify!($field).to_owned(), self.$field.to_json()); )+
+                serde_json::Value::Object(object)
+            }
+
+            fn from_json(value: &serde_json::Value) -> Option<Self> {
+                let object = value.as_object()?;
+                Some(Self { $( $field: <$ty>::from_json(object.get(stringify!($field))?)?, )+ })
+            }
+        }
+
         impl $crate::layout::WireSample for $name {
             const INFO: $crate::layout::SampleInfo = $crate::layout::SampleInfo {
                 name: stringify!($name),

@@ -8,7 +8,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::layout::{SampleInfo, WireSample};
-use crate::{MAX_JOINTS, MAX_PLAN, TASK_AXES, TEXT_LENGTH};
+use crate::{MAX_JOINTS, MAX_PLAN, QUANTILES, TASK_AXES, TEXT_LENGTH};
 
 wire_sample! {
     /// The measured state of the robot and the references that the motion controller follows: one per cycle.
@@ -234,9 +234,143 @@ wire_sample! {
     }
 }
 
+wire_sample! {
+    /// What the daemon's law was given and what it made of it: all that a replay needs, and a look at a cycle wants.
+    struct RecordSample: "admittanced.RecordSample.v1", size 2568, writer "admittanced (service thread)" {
+        0 sequence: u64 ["1", ">= 1, one more with every record"]
+            "Number of this record; a reader that sees a gap has lost records. Restarts at 1 with a new boot_id.";
+        8 now_ns: u64 ["ns", "CLOCK_MONOTONIC, not decreasing"]
+            "The time that the law was given: when the sample was received, the silence noticed, the order taken.";
+        16 boot_id: u64 ["1", "not 0"]
+            "boot_id of admittanced.";
+        24 expired_at: u64 ["1", ">= 0"]
+            "How many times the law had asked whether its time is up when the answer was yes for the first time; \
+             0 = never.";
+        32 wake_up_latency_ns: u64 ["ns", ">= 0"]
+            "From stamp_ns of the state sample to its reception; 0 without a sample.";
+        40 compute_time_ns: u64 ["ns", ">= 0"]
+            "From the state sample received to the command published, as in the command sample.";
+        48 answer_time_ns: u64 ["ns", ">= 0"]
+            "From stamp_ns of the state sample to the command published; 0 without a sample.";
+        56 dropped_count: u64 ["1", ">= 0"]
+            "Records since the start of admittanced that were dropped because its service thread was too slow.";
+        64 limited_count: u64 ["1", ">= 0"]
+            "Cycles since the start of admittanced whose offset a limit had to cut after the law.";
+        72 contact_losses: u64 ["1", ">= 0"]
+            "Contacts since the start of admittanced that were lost although they should have been kept.";
+        80 kind: u32 as RecordKind ["1", "a code of RecordKind"]
+            "What this record tells of.";
+        84 iterations: u32 ["1", ">= 0"]
+            "Iterations of the solver.";
+        88 fault: u32 as Fault ["1", "a code of Fault"]
+            "Why the state sample did not reach the law.";
+        92 limited: u32 ["1", "0 or 1"]
+            "1 when a limit had to cut the offset after the law.";
+        96 forced: u32 ["1", "0 or 1"]
+            "1 for a reset that was forced.";
+        100 done: u32 ["1", "0 or 1"]
+            "1 when the order was carried out, 0 when it was refused: of Reset and Replaced.";
+        104 stop_order: u32 as StopReason ["1", "a code of StopReason"]
+            "Of Stop: why control ends.";
+        108 reserved: u32 ["1", "0"]
+            "Not used: zero.";
+        112 contact_point: [f64; 3] ["m", "finite"]
+            "Where the surface is believed to be after this cycle: a point of it x y z, base frame.";
+        136 state: StateSample ["see StateSample", "see StateSample"]
+            "The state sample that was answered; all zero without one.";
+        472 command: CommandSample ["see CommandSample", "see CommandSample"]
+            "The last command: of Sample and Silence the one that answered, once a first state sample had come.";
+    }
+}
+
+wire_sample! {
+    /// How the daemon is doing: a few times a second.
+    struct DiagnosticsSample: "admittanced.DiagnosticsSample.v1", size 544, writer "admittanced (service thread)" {
+        0 sequence: u64 ["1", ">= 1, one more with every sample"]
+            "Number of this sample; restarts at 1 with a new boot_id.";
+        8 stamp_ns: u64 ["ns", "CLOCK_MONOTONIC, increasing"]
+            "When it was published.";
+        16 boot_id: u64 ["1", "any"]
+            "boot_id of admittanced; 0 before its first record.";
+        24 uptime_ns: u64 ["ns", ">= 0"]
+            "Time since the start of admittanced.";
+        32 cycles: u64 ["1", ">= 0"]
+            "State samples answered since the start of admittanced.";
+        40 cycles_last_second: u64 ["1", ">= 0"]
+            "The same within the last complete second.";
+        48 fallback_count: u64 ["1", ">= 0"]
+            "As in the command sample.";
+        56 late_count: u64 ["1", ">= 0"]
+            "As in the command sample.";
+        64 missed_count: u64 ["1", ">= 0"]
+            "As in the command sample.";
+        72 rejected_count: u64 ["1", ">= 0"]
+            "As in the command sample.";
+        80 limited_count: u64 ["1", ">= 0"]
+            "As in the record.";
+        88 dropped_count: u64 ["1", ">= 0"]
+            "Records that were dropped, as in the record.";
+        96 contact_losses: u64 ["1", ">= 0"]
+            "As in the record.";
+        104 solver_failures: u64 ["1", ">= 0"]
+            "Cycles since the start of admittanced in which the solver gave no usable answer although it had \
+             time.";
+        112 mode: u32 as Mode ["1", "a code of Mode"]
+            "Mode of the daemon.";
+        116 motion: u32 as Motion ["1", "a code of Motion"]
+            "Motion of the last command.";
+        120 stop_reason: u32 as StopReason ["1", "a code of StopReason"]
+            "Why the daemon is stopping or stopped.";
+        124 active_axes: u32 ["1", "0 to 63"]
+            "Active axes of the last command, as in the command sample.";
+        128 verdict: u32 as Verdict ["1", "a code of Verdict"]
+            "Verdict of the last command.";
+        132 verdict_axis: u32 ["1", "0 to 5"]
+            "Task axis that the verdict speaks of.";
+        136 verdict_side: u32 as Side ["1", "a code of Side"]
+            "Force limit that the verdict speaks of.";
+        140 task_axes: u32 ["1", "1 to 6"]
+            "Task axes of the configured robot: the first ones of the Cartesian arrays.";
+        144 verdict_margin: f64 ["N (N m on rx ry rz)", "finite"]
+            "Verdict margin of the last command, as in the command sample.";
+        152 verdict_time_s: f64 ["s", ">= 0, finite"]
+            "Verdict time of the last command, as in the command sample.";
+        160 wrench: [f64; TASK_AXES] ["N, N m", "finite"]
+            "Wrench of the last accepted state sample: ROBOT on ENVIRONMENT, at the TCP, base frame.";
+        208 force_limit: [f64; TASK_AXES] ["N, N m", ">= 0"]
+            "Configured limit of the wrench on each axis; 0 on axes that are not controlled.";
+        256 minimum_force: [f64; TASK_AXES] ["N, N m", ">= 0"]
+            "Configured minimum of the wrench on each axis in contact; 0 on axes that are not controlled.";
+        304 velocity_offset: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
+            "Velocity offset of the last command, base frame.";
+        352 wake_up_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "p50, p99, p99.9 and maximum of the time from a state sample stamped to received, since the start of \
+             admittanced; 0 before the first.";
+        384 wake_up_last_second_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "The same within the last complete second.";
+        416 compute_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "p50, p99, p99.9 and maximum of the time from a state sample received to its command published, since \
+             the start of admittanced; 0 before the first.";
+        448 compute_last_second_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "The same within the last complete second.";
+        480 answer_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "p50, p99, p99.9 and maximum of the time from a state sample stamped to its command published, since \
+             the start of admittanced; 0 before the first.";
+        512 answer_last_second_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "The same within the last complete second.";
+    }
+}
+
 /// Every sample type of the contract.
-pub const SAMPLES: &[SampleInfo] =
-    &[StateSample::INFO, CommandSample::INFO, TruthSample::INFO, RequestSample::INFO, ResponseSample::INFO];
+pub const SAMPLES: &[SampleInfo] = &[
+    StateSample::INFO,
+    CommandSample::INFO,
+    TruthSample::INFO,
+    RequestSample::INFO,
+    ResponseSample::INFO,
+    RecordSample::INFO,
+    DiagnosticsSample::INFO,
+];
 
 impl ResponseSample {
     /// Sets the text. What does not fit is cut at a character boundary.

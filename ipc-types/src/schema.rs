@@ -1,11 +1,12 @@
 //! The contract as JSON: everything that a client in any language needs, taken from the declarations themselves.
 
 use serde::Serialize;
+use serde_json::{Value, json};
 
-use crate::layout::{EnumInfo, SampleInfo};
+use crate::layout::{EnumInfo, EnumValueInfo, FieldInfo, SampleInfo};
 use crate::qos::{EventQos, PublishSubscribeQos, RequestResponseQos, ServiceSpec};
-use crate::services::{COMMAND, COMMAND_ARRIVAL, REQUEST, STATE, STATE_ARRIVAL, TRUTH};
-use crate::{ENUMS, MAX_JOINTS, MAX_PLAN, SAMPLES, SCHEMA_VERSION, TASK_AXES, TEXT_LENGTH};
+use crate::services::{COMMAND, COMMAND_ARRIVAL, DIAGNOSTICS, RECORD, REQUEST, STATE, STATE_ARRIVAL, TRUTH};
+use crate::{ENUMS, MAX_JOINTS, MAX_PLAN, QUANTILES, SAMPLES, SCHEMA_VERSION, TASK_AXES, TEXT_LENGTH};
 
 /// The whole contract. Its JSON form is made by [`schema_json`].
 #[derive(Debug, Clone, Serialize)]
@@ -53,6 +54,8 @@ pub struct Constants {
     pub task_axes: usize,
     /// [`MAX_PLAN`].
     pub max_plan: usize,
+    /// [`QUANTILES`].
+    pub quantiles: usize,
     /// [`TEXT_LENGTH`].
     pub text_length: usize,
 }
@@ -129,6 +132,7 @@ pub fn schema() -> Schema {
             max_joints: MAX_JOINTS,
             task_axes: TASK_AXES,
             max_plan: MAX_PLAN,
+            quantiles: QUANTILES,
             text_length: TEXT_LENGTH,
         },
         instance_pattern: "[a-z0-9][a-z0-9_-]{0,31}",
@@ -143,6 +147,45 @@ pub fn schema_json() -> String {
     serde_json::to_string_pretty(&schema()).expect("strings, numbers and lists only: nothing that JSON cannot hold")
 }
 
+/// The JSON schema of a sample as [`WireType::to_json`](crate::layout::WireType::to_json) writes it.
+pub fn json_schema(sample: &SampleInfo) -> Value {
+    let properties: serde_json::Map<String, Value> =
+        sample.fields.iter().map(|field| (field.name.to_owned(), field_schema(field))).collect();
+    let required: Vec<&str> = sample.fields.iter().map(|field| field.name).collect();
+    json!({
+        "title": sample.name,
+        "description": format!("{} NaN and infinities, which JSON lacks, are the texts NaN, inf and -inf.", sample.meaning),
+        "type": "object",
+        "properties": properties,
+        "required": required,
+    })
+}
+
+fn field_schema(field: &FieldInfo) -> Value {
+    let mut schema = match field.scalar {
+        "f64" => json!({ "type": "number" }),
+        "u8" | "u32" | "u64" => json!({ "type": "integer" }),
+        sample => SAMPLES.iter().find(|known| known.name == sample).map_or(Value::Null, json_schema),
+    };
+    // Foxglove refuses lists of lists: rows follow each other.
+    let mut layout = String::new();
+    if !field.shape.is_empty() {
+        let length: usize = field.shape.iter().product();
+        schema = json!({ "type": "array", "items": schema, "minItems": length, "maxItems": length });
+        if let [rows, columns] = field.shape {
+            layout = format!(" {rows} rows of {columns} values, one after the other.");
+        }
+    }
+    if let Some(codes) = ENUMS.iter().find(|known| Some(known.name) == field.enumeration) {
+        let code =
+            |value: &EnumValueInfo| json!({ "title": value.name, "const": value.code, "description": value.meaning });
+        schema["oneOf"] = codes.values.iter().map(code).collect();
+    }
+    schema["description"] =
+        Value::from(format!("{}{layout} Unit: {}. Range: {}.", field.meaning, field.unit, field.range));
+    schema
+}
+
 fn services() -> Vec<ServiceEntry> {
     vec![
         publish_subscribe(&STATE),
@@ -150,6 +193,8 @@ fn services() -> Vec<ServiceEntry> {
         publish_subscribe(&COMMAND),
         event(&COMMAND_ARRIVAL),
         publish_subscribe(&TRUTH),
+        publish_subscribe(&RECORD),
+        publish_subscribe(&DIAGNOSTICS),
         request_response(&REQUEST),
     ]
 }

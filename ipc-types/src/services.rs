@@ -7,7 +7,10 @@ use crate::errors::ServiceError;
 use crate::layout::WireSample;
 use crate::ports::{Event, PublishSubscribe, RequestResponse, open_failure};
 use crate::qos::{EventQos, PublishSubscribeQos, RequestResponseQos, ServiceSpec};
-use crate::{CommandSample, Instance, Node, RequestSample, ResponseSample, StateSample, TruthSample};
+use crate::{
+    CommandSample, DiagnosticsSample, Instance, Node, RecordSample, RequestSample, ResponseSample, StateSample,
+    TruthSample,
+};
 
 /// How a service is reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,6 +98,32 @@ pub const TRUTH: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
     qos: PublishSubscribeQos { subscriber_max_buffer_size: 1024, ..NEWEST },
 };
 
+/// Records of the daemon's cycles.
+pub const RECORD: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
+    name: "record",
+    meaning: "One record per cycle and per order of admittanced; readers may fall behind by the buffer size, and see a \
+              gap in the records' sequence after that.",
+    creator: "admittanced",
+    program: "admittanced",
+    writer: "admittanced (service thread)",
+    reader: "tools",
+    samples: &[RecordSample::INFO],
+    // Every sample that may wait takes room in shared memory, read or not: hence the few subscribers.
+    qos: PublishSubscribeQos { max_subscribers: 2, subscriber_max_buffer_size: 4096, ..NEWEST },
+};
+
+/// How the daemon is doing.
+pub const DIAGNOSTICS: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
+    name: "diagnostics",
+    meaning: "State, counters and latencies of admittanced, a few times a second.",
+    creator: "admittanced",
+    program: "admittanced",
+    writer: "admittanced (service thread)",
+    reader: "tools",
+    samples: &[DiagnosticsSample::INFO],
+    qos: NEWEST,
+};
+
 /// Requests to the daemon.
 pub const REQUEST: ServiceSpec<RequestResponseQos> = ServiceSpec {
     name: "request",
@@ -162,6 +191,30 @@ pub fn command_arrival(node: &Node, instance: &Instance, access: Access) -> Resu
 /// [`ServiceError`].
 pub fn truth(node: &Node, instance: &Instance, access: Access) -> Result<PublishSubscribe<TruthSample>, ServiceError> {
     publish_subscribe(node, instance, access, &TRUTH)
+}
+
+/// Records of the daemon's cycles: `admittanced/INSTANCE/record`.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn record(
+    node: &Node,
+    instance: &Instance,
+    access: Access,
+) -> Result<PublishSubscribe<RecordSample>, ServiceError> {
+    publish_subscribe(node, instance, access, &RECORD)
+}
+
+/// How the daemon is doing: `admittanced/INSTANCE/diagnostics`.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn diagnostics(
+    node: &Node,
+    instance: &Instance,
+    access: Access,
+) -> Result<PublishSubscribe<DiagnosticsSample>, ServiceError> {
+    publish_subscribe(node, instance, access, &DIAGNOSTICS)
 }
 
 /// Requests to the daemon: `admittanced/INSTANCE/request`.

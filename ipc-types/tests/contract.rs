@@ -4,8 +4,10 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 
 use ipc_types::layout::WireSample as _;
+use ipc_types::layout::WireType as _;
 use ipc_types::{
-    CommandSample, ENUMS, RequestSample, ResponseSample, SAMPLES, StateSample, TruthSample, c_header, schema_json,
+    CommandSample, DiagnosticsSample, ENUMS, RecordSample, RequestSample, ResponseSample, SAMPLES, StateSample,
+    TruthSample, c_header, json_schema, schema_json,
 };
 use serde_json::Value;
 
@@ -40,6 +42,14 @@ fn compiled_layouts() -> Vec<Compiled> {
         compiled!(ResponseSample: id state_sequence command_sequence cycles fallback_count late_count missed_count
             rejected_count uptime_ns compute_time_ns status mode motion stop_reason active_axes verdict joint_count
             text_length verdict_margin verdict_time_s wrench velocity_offset text),
+        compiled!(RecordSample: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
+            dropped_count limited_count contact_losses kind iterations fault limited forced done stop_order reserved
+            contact_point state command),
+        compiled!(DiagnosticsSample: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
+            late_count missed_count rejected_count limited_count dropped_count contact_losses solver_failures mode motion
+            stop_reason active_axes verdict verdict_axis verdict_side task_axes verdict_margin verdict_time_s wrench
+            force_limit minimum_force velocity_offset wake_up_ns wake_up_last_second_ns compute_ns compute_last_second_ns
+            answer_ns answer_last_second_ns),
     ]
 }
 
@@ -74,7 +84,7 @@ fn the_schema_gives_every_field_where_the_compiler_put_it() {
                     "u8" => 1,
                     "u32" => 4,
                     "u64" | "f64" => 8,
-                    other => panic!("type {other}"),
+                    sample => number(types.iter().find(|entry| entry["name"] == sample).expect("a known type"), "size"),
                 };
                 let count: usize =
                     list(field, "shape").iter().map(|n| n.as_u64().expect("a dimension") as usize).product();
@@ -131,7 +141,8 @@ fn the_schema_explains_everything_and_refers_to_nothing_unknown() {
     }
     assert_eq!(
         names("services"),
-        ["state", "state-arrival", "command", "command-arrival", "truth", "request"].map(str::to_owned)
+        ["state", "state-arrival", "command", "command-arrival", "truth", "record", "diagnostics", "request"]
+            .map(str::to_owned)
     );
     assert!(types.iter().all(|name| carried.contains(name)), "every type travels on a service");
 }
@@ -151,7 +162,7 @@ fn a_changed_layout_needs_a_new_schema_version() {
     });
     assert_eq!(
         (ipc_types::SCHEMA_VERSION, fingerprint(lines)),
-        (1, 0x3b2f_196b_b08b_45db),
+        (1, 0xc4c3_8e42_b571_fb68),
         "a sample changed: raise SCHEMA_VERSION and the version in every type name, then the fingerprint here"
     );
 }
@@ -161,14 +172,14 @@ fn a_changed_code_needs_a_new_schema_version() {
     let lines = ENUMS.iter().flat_map(|e| e.values.iter().map(|v| format!("{} {} {}", e.name, v.name, v.code)));
     assert_eq!(
         (ipc_types::SCHEMA_VERSION, fingerprint(lines)),
-        (1, 0x6c91_1895_14d1_7d0f),
+        (1, 0xb9c0_96a7_5005_eea1),
         "a code changed: raise SCHEMA_VERSION unless values were only added, then change the fingerprint here"
     );
 }
 
 #[test]
 fn codes_go_there_and_back() {
-    use ipc_types::{Mode, Motion, RequestKind, ResponseStatus, Side, Source, StopReason, Verdict};
+    use ipc_types::{Fault, Mode, Motion, RecordKind, RequestKind, ResponseStatus, Side, Source, StopReason, Verdict};
     macro_rules! there_and_back {
         ($($name:ident)+) => {$(
             for &value in $name::ALL {
@@ -178,7 +189,7 @@ fn codes_go_there_and_back() {
             assert_eq!($name::from_code(999), None);
         )+};
     }
-    there_and_back!(Motion Mode Source Verdict Side StopReason RequestKind ResponseStatus);
+    there_and_back!(Motion Mode Source Verdict Side StopReason RequestKind ResponseStatus RecordKind Fault);
     assert_eq!((Motion::Hold.code(), Mode::Stopped.code(), StopReason::ModelDisagrees.code()), (1, 4, 16));
     assert_eq!(RequestKind::from_code(0), None, "a zeroed request asks for nothing");
 }
@@ -203,6 +214,61 @@ fn response_text_is_cut_at_a_character() {
     response.text_length = u32::MAX;
     response.text[0] = 0xff;
     assert!(response.text().starts_with("\u{fffd}efused"));
+}
+
+#[test]
+fn a_sample_comes_back_from_json_to_the_bit() {
+    let mut record = RecordSample { boot_id: u64::MAX, kind: 3, ..RecordSample::zeroed() };
+    // Shortest forms, subnormals, a signed zero, and what JSON cannot say.
+    let values = [0.1 + 0.2, -0.0, 5e-324, f64::MAX, 1.0 / 3.0, 123_456_789.012_345_67];
+    record.command.planned_offset[31] = values;
+    record.state.wrench = [f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 1e-300, 1.0, 2.5];
+    let text = record.to_json().to_string();
+    let back = RecordSample::from_json(&serde_json::from_str(&text).expect("JSON")).expect("a record");
+    assert_eq!(back.command.planned_offset[31].map(f64::to_bits), values.map(f64::to_bits));
+    assert_eq!(back.state.wrench.map(f64::to_bits), record.state.wrench.map(f64::to_bits));
+    assert_eq!((back.boot_id, back.kind), (u64::MAX, 3));
+    assert_eq!(RecordSample::from_json(&StateSample::zeroed().to_json()), None, "another sample");
+    assert_eq!(StateSample::from_json(&serde_json::json!({ "sequence": 1 })), None, "fields are missing");
+}
+
+#[test]
+fn the_json_schema_has_the_shape_of_the_json() {
+    fn check(schema: &Value, value: &Value) {
+        match text(schema, "type") {
+            "object" => {
+                let fields = value.as_object().expect("an object");
+                assert_eq!(list(schema, "required").len(), fields.len());
+                fields.iter().for_each(|(name, value)| check(&schema["properties"][name], value));
+            }
+            "array" => {
+                let values = value.as_array().expect("a list");
+                assert_eq!((number(schema, "minItems"), number(schema, "maxItems")), (values.len(), values.len()));
+                assert!(values.iter().all(|value| !value.is_array()), "Foxglove refuses lists of lists: {schema}");
+                values.iter().for_each(|value| check(&schema["items"], value));
+            }
+            "integer" => assert!(value.is_u64(), "{schema}: {value}"),
+            "number" => assert!(value.is_f64(), "{schema}: {value}"),
+            other => panic!("type {other}"),
+        }
+        text(schema, "description");
+    }
+    // Items of a list have no description of their own: the list's says it.
+    let mut schema = json_schema(&RecordSample::INFO);
+    describe_items(&mut schema);
+    check(&schema, &RecordSample::zeroed().to_json());
+    let reset = &schema["properties"]["kind"]["oneOf"][2];
+    assert_eq!((text(reset, "title"), number(reset, "const")), ("Reset", 3));
+}
+
+fn describe_items(schema: &mut Value) {
+    if let Some(properties) = schema.get_mut("properties").and_then(Value::as_object_mut) {
+        properties.values_mut().for_each(describe_items);
+    }
+    if let Some(items) = schema.get_mut("items") {
+        items["description"] = Value::from("item");
+        describe_items(items);
+    }
 }
 
 /// Compiles C text with the system's compiler; `None` when there is none.

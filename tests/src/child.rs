@@ -8,6 +8,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use crate::terminal::{Terminal, take_terminal};
+
 /// How long a test waits for something that is bound to happen before it says that it hangs.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -42,6 +44,27 @@ impl Child {
         let stdout = Captured::of(process.stdout.take().expect("stdout is piped"));
         let stderr = Captured::of(process.stderr.take().expect("stderr is piped"));
         Self { name, process, stdout, stderr, status: None }
+    }
+
+    /// Starts the program on a terminal of its own: what it writes there is its stdout, and it has no stderr apart. Else as
+    /// [`Self::spawn`].
+    ///
+    /// # Panics
+    /// When the program does not start.
+    #[track_caller]
+    pub fn spawn_on_terminal(command: &mut Command) -> (Self, Terminal) {
+        let name = command.get_program().to_string_lossy().rsplit('/').next().unwrap_or_default().to_owned();
+        let (terminal, slave) = Terminal::open();
+        let end = || Stdio::from(slave.try_clone().expect("a descriptor is left"));
+        command.stdin(end()).stdout(end()).stderr(end()).env("TERM", "xterm-256color");
+        let parent = std::process::id();
+        // SAFETY: between fork and exec only async-signal-safe calls are made and nothing is allocated.
+        unsafe { command.pre_exec(move || die_with(parent).and_then(|()| take_terminal())) };
+        let process = command.spawn().unwrap_or_else(|error| panic!("{command:?} does not start: {error}"));
+        // The command keeps ends of the terminal: as long as they are open its output does not end.
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        let stdout = Captured::of(terminal.output());
+        (Self { name, process, stdout, stderr: Captured::of(std::io::empty()), status: None }, terminal)
     }
 
     /// Its process id.

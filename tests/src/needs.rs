@@ -7,6 +7,8 @@ use std::sync::OnceLock;
 
 /// The version of the Python package that the wire contract is tested with: that of the crate.
 pub const ICEORYX2_PYTHON_VERSION: &str = "0.10.0";
+/// The version of the Python package that recordings are read with.
+pub const MCAP_PYTHON_VERSION: &str = "1.6.0";
 
 const REQUIRE: &str = "ADMITTANCE_TESTS_REQUIRE";
 const PYTHON: &str = "ADMITTANCE_PYTHON";
@@ -14,7 +16,7 @@ const PYTHON: &str = "ADMITTANCE_PYTHON";
 /// Something that not every machine has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Need {
-    /// A Python 3 that imports iceoryx2 of [`ICEORYX2_PYTHON_VERSION`]: see [`python`].
+    /// A Python 3 that imports iceoryx2 of [`ICEORYX2_PYTHON_VERSION`] and mcap of [`MCAP_PYTHON_VERSION`]: see [`python`].
     Python,
     /// Effective user id 0.
     Root,
@@ -46,7 +48,7 @@ pub fn needs(need: Need) -> bool {
 }
 
 /// The interpreter of [`Need::Python`]: the first of `ADMITTANCE_PYTHON`, the one that `.ci/run` installs, and `python3` that
-/// has the package; `ADMITTANCE_PYTHON`, when set, is the only one looked at.
+/// has the packages; `ADMITTANCE_PYTHON`, when set, is the only one looked at.
 pub fn python() -> Option<PathBuf> {
     find_python().as_ref().ok().cloned()
 }
@@ -98,8 +100,8 @@ fn find_python() -> &'static Result<PathBuf, String> {
             None => installed_by_ci().into_iter().chain([PathBuf::from("python3")]).collect(),
         };
         let script = format!(
-            "import importlib.metadata as m, iceoryx2; v = m.version('iceoryx2'); \
-             assert v == '{ICEORYX2_PYTHON_VERSION}', 'iceoryx2 ' + v"
+            "import importlib.metadata as m, iceoryx2, mcap.reader; v = m.version('iceoryx2'), m.version('mcap'); \
+             assert v == ('{ICEORYX2_PYTHON_VERSION}', '{MCAP_PYTHON_VERSION}'), 'iceoryx2 %s, mcap %s' % v"
         );
         let mut reasons = Vec::new();
         for candidate in candidates {
@@ -108,7 +110,10 @@ fn find_python() -> &'static Result<PathBuf, String> {
                 Err(reason) => reasons.push(reason),
             }
         }
-        Err(format!("no Python with iceoryx2 {ICEORYX2_PYTHON_VERSION}: {}", reasons.join("; ")))
+        Err(format!(
+            "no Python with iceoryx2 {ICEORYX2_PYTHON_VERSION} and mcap {MCAP_PYTHON_VERSION}: {}",
+            reasons.join("; ")
+        ))
     })
 }
 

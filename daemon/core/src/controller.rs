@@ -137,6 +137,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         &self.parameters.environment.contact.position
     }
 
+    /// Believes the surface to be at `position` (base frame, m): for a replay that begins after earlier contacts.
+    pub fn assume_contact_point(&mut self, position: nalgebra::Vector3<f64>) {
+        self.parameters.environment.contact.position = position;
+    }
+
     /// Samples that never arrived, and samples at irregular spacing.
     pub fn history(&self) -> &SampleHistory {
         &self.history

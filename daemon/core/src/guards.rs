@@ -33,6 +33,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         }
         if !self.contact.is_any() {
             self.deepest = [0.0; D];
+            // What an earlier contact was like must not decide the last bits of the next one: a replay may begin between them.
+            self.warm_start.forget();
         }
     }
 

@@ -27,6 +27,11 @@ impl WarmStart {
         Self { rows: [(row, RowState::Inactive); MAX_VARIABLES], len: 0, stamp: 0, shifts: false }
     }
 
+    /// Knows nothing again.
+    pub fn forget(&mut self) {
+        (self.len, self.shifts) = (0, false);
+    }
+
     /// Writes the guess for the sample stamped `stamp` into `working`.
     pub fn guess<const N: usize, const D: usize>(
         &self,

@@ -3,14 +3,20 @@
 mod bench;
 mod closed_loop;
 mod demo;
+mod diagnostics;
 mod doctor;
 mod limits;
 mod offline;
 mod parallel;
+mod record;
+mod recording;
+mod replay;
 mod report;
 mod request;
 mod schema;
 mod study;
+mod target;
+mod top;
 mod validate;
 
 use std::process::ExitCode;
@@ -29,7 +35,7 @@ type Exit = admittance_host::exit::ExitCode;
 )]
 #[command(after_help = "Examples:\n  admittancectl demo\n  admittancectl validate /etc/admittanced/cell-3.toml\n  \
     admittancectl status --instance cell-3\n\nExit codes: 0 done, 1 claim not met, 64 usage, 65 malformed data, 66 no such file, 69 no daemon \
-    answers, 75 machine too busy, 77 no permission, 78 configuration.")]
+    answers, 73 a file cannot be created, 74 writing failed, 75 machine too busy, 77 no permission, 78 configuration.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -43,6 +49,14 @@ enum Command {
     Validate(validate::Args),
     /// Say what a running daemon is doing.
     Status(request::StatusArgs),
+    /// Watch a running daemon in the terminal.
+    Top(top::Args),
+    /// Record what a running daemon is given and what it answers.
+    Record(record::Args),
+    /// Run the law over a recording again and compare every answer, bit by bit.
+    Replay(replay::Args),
+    /// Draw force, velocity offset and path of a recording.
+    Report(report::Args),
     /// Release a stopped daemon, once nothing pushes into the surface any more.
     Reset(request::ResetArgs),
     /// Check whether this machine can keep a deadline, and say what to change; nothing is changed.
@@ -91,6 +105,10 @@ fn main() -> ExitCode {
         Command::Demo(args) => demo::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Status(args) => request::status(&args),
+        Command::Top(args) => top::run(&args),
+        Command::Record(args) => record::run(&args),
+        Command::Replay(args) => replay::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Reset(args) => request::reset(&args),
         Command::Doctor(args) => doctor::run(&args),
         Command::Schema(args) => schema::run(&args),

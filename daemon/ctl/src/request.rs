@@ -1,37 +1,20 @@
 //! `admittancectl status` and `reset`: the daemon's request service.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use admittance_host::clock::monotonic_ns;
-use admittance_host::config::{self, LoadError};
-use admittanced::config::Config;
 use ipc_types::services::{self, Access};
 use ipc_types::{
-    IpcSettings, Mode, Motion, RequestKind, RequestSample, ResponseSample, ResponseStatus, StopReason, Verdict,
+    IpcSettings, Mode, Motion, Node, RequestKind, RequestSample, ResponseSample, ResponseStatus, StopReason, Verdict,
 };
 use serde_json::json;
 
 use crate::Exit;
+use crate::diagnostics::{self, axes_text};
+use crate::target::Target;
 
 /// How long a request stays valid, and how long its answer is waited for.
 const DEADLINE: Duration = Duration::from_secs(2);
-
-#[derive(Debug, clap::Args)]
-struct Target {
-    /// The daemon's configuration; /etc/admittanced/INSTANCE.toml when absent.
-    #[arg(long)]
-    config: Option<PathBuf>,
-    /// Name of the daemon; overrides ipc.instance.
-    #[arg(long)]
-    instance: Option<String>,
-    /// Overrides ipc.root_path.
-    #[arg(long)]
-    root_path: Option<PathBuf>,
-    /// Overrides ipc.prefix.
-    #[arg(long)]
-    prefix: Option<String>,
-}
 
 #[derive(Debug, clap::Args)]
 #[command(
@@ -57,14 +40,18 @@ pub(crate) struct ResetArgs {
 }
 
 pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
-    let response = ask(&args.target, RequestKind::Status, false)?;
+    let (node, settings) = args.target.connect()?;
+    let response = ask(&node, &settings, RequestKind::Status, false)?;
+    let diagnostics = diagnostics::first(&diagnostics::subscribe(&node, &settings)?, &settings)?;
     if args.json {
-        println!("{}", json_of(&response));
+        let mut json = json_of(&response);
+        json["diagnostics"] = diagnostics::json_of(&diagnostics);
+        println!("{json}");
     } else {
         println!("{}", response.text());
-        let axes = |values: &[f64; 6]| values.map(|value| format!("{value:.3}")).join(" ");
-        println!("wrench            {} (N, N m; robot on environment)", axes(&response.wrench));
-        println!("velocity offset   {} (m/s, rad/s)", axes(&response.velocity_offset));
+        println!("wrench            {} (N, N m; robot on environment)", axes_text(&response.wrench));
+        println!("force limit       {} (N, N m)", axes_text(&diagnostics.force_limit));
+        println!("velocity offset   {} (m/s, rad/s)", axes_text(&response.velocity_offset));
         println!(
             "cycles            {}: fallback {}, late {}, missed {}, rejected {}",
             response.cycles,
@@ -73,7 +60,20 @@ pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
             response.missed_count,
             response.rejected_count
         );
-        println!("last compute time {:.1} us", response.compute_time_ns as f64 * 1e-3);
+        println!(
+            "also              limited {}, contacts lost {}, solver failures {}, records dropped {}",
+            diagnostics.limited_count,
+            diagnostics.contact_losses,
+            diagnostics.solver_failures,
+            diagnostics.dropped_count
+        );
+        println!("latency           {:>10} {:>10} {:>10} {:>10} (us)", "p50", "p99", "p99.9", "max");
+        for (name, all, last_second) in diagnostics::latencies(&diagnostics) {
+            for (what, values) in [(name, all), ("  last second", last_second)] {
+                let cells = values.map(|ns| format!("{:>10.1}", ns as f64 * 1e-3)).join(" ");
+                println!("{what:<17} {cells}");
+            }
+        }
         println!("up                {:.1} s", response.uptime_ns as f64 * 1e-9);
     }
     Ok(Exit::Ok)
@@ -83,34 +83,16 @@ pub(crate) fn reset(args: &ResetArgs) -> Result<Exit, (Exit, String)> {
     if args.force {
         eprintln!("forced: control resumes at once, whatever the force and the commanded motion are");
     }
-    let response = ask(&args.target, RequestKind::Reset, args.force)?;
+    let (node, settings) = args.target.connect()?;
+    let response = ask(&node, &settings, RequestKind::Reset, args.force)?;
     println!("{}", response.text());
     Ok(if response.status == ResponseStatus::Done.code() { Exit::Ok } else { Exit::ClaimNotMet })
 }
 
-fn settings(target: &Target) -> Result<IpcSettings, (Exit, String)> {
-    let path = match (&target.config, &target.instance) {
-        (Some(path), _) => path.clone(),
-        (None, Some(instance)) => PathBuf::from(format!("/etc/admittanced/{instance}.toml")),
-        (None, None) => return Err((Exit::Usage, "which daemon? Give --instance NAME or --config FILE".to_owned())),
-    };
-    let config: Config = config::load(&path).map_err(|error| match error {
-        LoadError::Read { .. } => (Exit::NoInput, error.to_string()),
-        LoadError::Config(_) => (Exit::Config, error.to_string()),
-    })?;
-    config
-        .ipc
-        .settings(target.instance.as_deref(), target.root_path.clone(), target.prefix.clone())
-        .map_err(|why| (Exit::Config, why))
-}
-
-fn ask(target: &Target, kind: RequestKind, force: bool) -> Result<ResponseSample, (Exit, String)> {
-    ipc_types::quiet_iceoryx2();
-    let settings = settings(target)?;
+fn ask(node: &Node, settings: &IpcSettings, kind: RequestKind, force: bool) -> Result<ResponseSample, (Exit, String)> {
     let unavailable = |why: String| (Exit::Unavailable, why);
-    let node = settings.node("admittancectl").map_err(|error| unavailable(error.to_string()))?;
     let service =
-        services::request(&node, &settings.instance, Access::Open).map_err(|error| unavailable(error.to_string()))?;
+        services::request(node, &settings.instance, Access::Open).map_err(|error| unavailable(error.to_string()))?;
     let client = service.client().map_err(|error| unavailable(error.to_string()))?;
     let now = monotonic_ns();
     let deadline = now + DEADLINE.as_nanos() as u64;

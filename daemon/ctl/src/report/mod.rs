@@ -1,9 +1,10 @@
-//! The demo's report: figures 3, 4 and 5 of the paper as SVG, the table, the raw series.
+//! Reports: figures 3, 4 and 5 of the paper as SVG, with the table and the raw series of the demo, or of a recording.
 
 mod axis;
 pub(crate) mod chart;
 mod clip;
 mod figures;
+mod of_recording;
 
 use std::fs;
 use std::io;
@@ -12,45 +13,57 @@ use std::path::Path;
 use plant_sim::scenario::Scenario;
 
 use crate::demo::{HEADER, Run, cells};
-use chart::escape;
+use chart::{Chart, escape};
+pub(crate) use of_recording::{Args, run};
 
 /// Writes index.html, figure-3.svg, figure-4.svg, figure-5.svg and series.csv into `directory`.
 pub(crate) fn write(directory: &Path, runs: &[Run], scenario: &Scenario) -> io::Result<()> {
     fs::create_dir_all(directory)?;
-    let mut html = String::from(HEAD);
+    let mut html = head("admittanced: demo");
     html += "<h1>MPC-based admittance control: the experiment of section IV</h1>\n<p>A planar arm moves its TCP straight down at \
              0.25 m/s and hits a plane that falls by 25°, stiffness 10<sup>5</sup> N/m. One real daemon process and one real \
              plant process per controller, over shared memory, in real time, 250 Hz. All forces are the plant's true forces.</p>\n";
     html += &table(runs);
-    for (number, caption, chart) in figures::all(runs, scenario) {
-        let svg = chart.svg().map_err(io::Error::other)?;
-        fs::write(directory.join(format!("figure-{number}.svg")), &svg)?;
-        html += &format!("<figure>\n{svg}<figcaption>Figure {number}: {}</figcaption>\n</figure>\n", escape(caption));
+    for (number, caption, chart) in figures::of_demo(runs, scenario) {
+        html += &write_figure(directory, number, caption, &chart)?;
     }
     html += "<p>Raw series: <a href=\"series.csv\">series.csv</a></p>\n<h2>Configuration</h2>\n";
     for run in runs {
         let (name, config) = (run.controller.name, escape(run.controller.config));
         html += &format!("<details><summary>{name}.toml</summary><pre>{config}</pre></details>\n");
     }
-    html += "</body>\n</html>\n";
+    html += TAIL;
     fs::write(directory.join("index.html"), html)?;
     fs::write(directory.join("series.csv"), series(runs)?)
 }
 
-const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>admittanced: demo</title>\n\
-    <style>body{font-family:Helvetica,Arial,sans-serif;max-width:56rem;margin:2rem auto;padding:0 1rem;color:#222}\
+/// Writes a figure of its own, and returns it for the page.
+fn write_figure(directory: &Path, number: u32, caption: &str, chart: &Chart) -> io::Result<String> {
+    let svg = chart.svg().map_err(io::Error::other)?;
+    fs::write(directory.join(format!("figure-{number}.svg")), &svg)?;
+    Ok(format!("<figure>\n{svg}<figcaption>Figure {number}: {}</figcaption>\n</figure>\n", escape(caption)))
+}
+
+fn head(title: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{}</title>\n{STYLE}</head>\n<body>\n",
+        escape(title)
+    )
+}
+
+const STYLE: &str = "<style>body{font-family:Helvetica,Arial,sans-serif;max-width:56rem;margin:2rem auto;padding:0 1rem;color:#222}\
     table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:.3rem .6rem;text-align:right}\
-    td:first-child,th:first-child{text-align:left}figure{margin:2rem 0}svg{max-width:100%;height:auto}</style>\n\
-    </head>\n<body>\n";
+    td:first-child,th:first-child{text-align:left}figure{margin:2rem 0}svg{max-width:100%;height:auto}</style>\n";
+const TAIL: &str = "</body>\n</html>\n";
 
 fn table(runs: &[Run]) -> String {
-    let row = |cells: &[String], tag: &str| {
-        let cells: String = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
-        format!("<tr>{cells}</tr>\n")
-    };
-    let head = row(&HEADER.map(str::to_owned), "th");
-    let body: String = runs.iter().map(|run| row(&cells(run), "td")).collect();
-    format!("<table>\n{head}{body}</table>\n")
+    let body: String = runs.iter().map(|run| table_row(&cells(run), "td")).collect();
+    format!("<table>\n{}{body}</table>\n", table_row(&HEADER.map(str::to_owned), "th"))
+}
+
+fn table_row(cells: &[String], tag: &str) -> String {
+    let cells: String = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
+    format!("<tr>{cells}</tr>\n")
 }
 
 /// Every truth sample of every run.

@@ -1,0 +1,127 @@
+//! The daemon's diagnostics: subscribing to them, and their words for `status` and `top`.
+
+use std::time::Duration;
+
+use admittance_host::clock::monotonic_ns;
+use ipc_types::services::{self, Access};
+use ipc_types::{
+    DiagnosticsSample, IpcSettings, Mode, Motion, Node, QUANTILES, Side, StopReason, Subscriber, TASK_AXES, Verdict,
+};
+use serde_json::json;
+
+use crate::Exit;
+
+/// How long to wait for a sample of a daemon that sends several a second.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Names of the task axes.
+pub(crate) const AXES: [&str; TASK_AXES] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// A subscriber of the daemon's diagnostics.
+pub(crate) fn subscribe(node: &Node, settings: &IpcSettings) -> Result<Subscriber<DiagnosticsSample>, (Exit, String)> {
+    let unavailable = |why: String| (Exit::Unavailable, why);
+    let service = services::diagnostics(node, &settings.instance, Access::Open)
+        .map_err(|error| unavailable(error.to_string()))?;
+    service.subscriber().map_err(|error| unavailable(error.to_string()))
+}
+
+/// The first sample that arrives.
+///
+/// # Errors
+/// 69 when none does.
+pub(crate) fn first(
+    subscriber: &Subscriber<DiagnosticsSample>,
+    settings: &IpcSettings,
+) -> Result<DiagnosticsSample, (Exit, String)> {
+    let give_up = monotonic_ns() + PATIENCE.as_nanos() as u64;
+    while monotonic_ns() < give_up {
+        match subscriber.receive() {
+            Ok(Some(sample)) => return Ok(*sample),
+            Ok(None) => std::thread::sleep(Duration::from_millis(5)),
+            Err(error) => return Err((Exit::Unavailable, format!("the diagnostics cannot be read: {error:?}"))),
+        }
+    }
+    Err((
+        Exit::Unavailable,
+        format!(
+            "admittanced/{} sent no diagnostics within {} s: is it running, or stopped by a debugger or SIGSTOP?",
+            settings.instance,
+            PATIENCE.as_secs()
+        ),
+    ))
+}
+
+/// Name, quantiles since the start and quantiles of the last second, in ns, of each latency.
+pub(crate) fn latencies(sample: &DiagnosticsSample) -> [(&'static str, [u64; QUANTILES], [u64; QUANTILES]); 3] {
+    [
+        ("wake-up", sample.wake_up_ns, sample.wake_up_last_second_ns),
+        ("compute", sample.compute_ns, sample.compute_last_second_ns),
+        ("answer", sample.answer_ns, sample.answer_last_second_ns),
+    ]
+}
+
+/// Values of the axes with three decimals.
+pub(crate) fn axes_text(values: &[f64; TASK_AXES]) -> String {
+    values.map(|value| format!("{value:.3}")).join(" ")
+}
+
+/// "Stopped (Infeasible)".
+pub(crate) fn mode_text(sample: &DiagnosticsSample) -> String {
+    let mode = Mode::from_code(sample.mode).map_or("unknown mode", Mode::name);
+    match StopReason::from_code(sample.stop_reason) {
+        Some(StopReason::None) => mode.to_owned(),
+        Some(reason) => format!("{mode} ({reason})"),
+        None => format!("{mode} (unknown reason)"),
+    }
+}
+
+/// "feasible, 83.2 N to spare on y".
+pub(crate) fn verdict_text(sample: &DiagnosticsSample) -> String {
+    let axis = AXES.get(sample.verdict_axis as usize).unwrap_or(&"?");
+    match Verdict::from_code(sample.verdict) {
+        Some(Verdict::Feasible) => format!("feasible, {:.1} N to spare on {axis}", sample.verdict_margin),
+        Some(Verdict::Infeasible) => {
+            format!(
+                "infeasible, {:.1} N missing on {axis} in {:.1} ms",
+                -sample.verdict_margin,
+                sample.verdict_time_s * 1e3
+            )
+        }
+        _ => "no verdict".to_owned(),
+    }
+}
+
+/// The sample as JSON; keys end in their unit where it isn't obvious.
+pub(crate) fn json_of(sample: &DiagnosticsSample) -> serde_json::Value {
+    let quantiles = |[p50, p99, p999, max]: [u64; QUANTILES]| json!({ "p50_ns": p50, "p99_ns": p99, "p999_ns": p999, "max_ns": max });
+    let mut json = json!({
+        "mode": Mode::from_code(sample.mode).map(Mode::name),
+        "motion": Motion::from_code(sample.motion).map(Motion::name),
+        "stop_reason": StopReason::from_code(sample.stop_reason).map(StopReason::name),
+        "verdict": Verdict::from_code(sample.verdict).map(Verdict::name),
+        "verdict_axis": AXES.get(sample.verdict_axis as usize),
+        "verdict_side": Side::from_code(sample.verdict_side).map(Side::name),
+        "verdict_margin_n": sample.verdict_margin,
+        "verdict_time_s": sample.verdict_time_s,
+        "wrench_n": sample.wrench,
+        "force_limit_n": sample.force_limit,
+        "minimum_force_n": sample.minimum_force,
+        "velocity_offset_m_s": sample.velocity_offset,
+        "uptime_ns": sample.uptime_ns,
+        "cycles": sample.cycles,
+        "cycles_last_second": sample.cycles_last_second,
+        "fallback_count": sample.fallback_count,
+        "late_count": sample.late_count,
+        "missed_count": sample.missed_count,
+        "rejected_count": sample.rejected_count,
+        "limited_count": sample.limited_count,
+        "records_dropped": sample.dropped_count,
+        "contact_losses": sample.contact_losses,
+        "solver_failures": sample.solver_failures,
+    });
+    for (name, all, last_second) in latencies(sample) {
+        let key = name.replace('-', "_");
+        json[format!("{key}_time")] = quantiles(all);
+        json[format!("{key}_time_last_second")] = quantiles(last_second);
+    }
+    json
+}

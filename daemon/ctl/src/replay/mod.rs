@@ -1,0 +1,79 @@
+//! `admittancectl replay`: the daemon's law over the recorded samples again, and its answers against the recorded ones, bit by
+//! bit.
+
+mod difference;
+mod session;
+
+use std::path::PathBuf;
+
+use admittance_host::config;
+use admittanced::config::Config;
+
+use crate::Exit;
+use crate::recording::{Item, Recording};
+use session::{RUN_IN, Session};
+
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "A recording that begins after the daemon did is compared from the first 128 cycles in a row in free motion on, which \
+    bring a fresh controller to the same state; after a gap in the records likewise.\n\nExit codes: 0 bit-identical, 1 a cycle \
+    differs, 64 usage, 65 no recording, or nothing in it can be compared, 66 no such file, 78 configuration.\n\nExamples:\n  \
+    admittancectl replay contact.mcap\n  admittancectl replay contact.mcap --config cell-changed.toml"
+)]
+pub(crate) struct Args {
+    /// What admittancectl record wrote.
+    file: PathBuf,
+    /// Replay with this configuration in place of the recorded one: the first cycle that differs then shows what it changes.
+    #[arg(long)]
+    config: Option<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
+    let recording = Recording::open(&args.file)?;
+    let text = match &args.config {
+        Some(path) => {
+            std::fs::read_to_string(path).map_err(|error| (Exit::NoInput, format!("{}: {error}", path.display())))?
+        }
+        None => recording.configurations().get(&0).cloned().ok_or_else(|| {
+            (Exit::DataError, format!("{}: no configuration in it: give one with --config", args.file.display()))
+        })?,
+    };
+    let name = args.config.as_ref().map_or("the recorded configuration".into(), |path| path.display().to_string());
+    let config: Config = config::parse(&text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
+    let mut session = Session::new(config, recording.configurations())?;
+    let version = recording.metadata().get("version").map_or("unknown", String::as_str);
+    if version != env!("CARGO_PKG_VERSION") {
+        println!("recorded with version {version}, replayed with {}", env!("CARGO_PKG_VERSION"));
+    }
+    let mut items = recording.items();
+    for item in items.by_ref() {
+        let Item::Record(record) = item? else { continue };
+        if let Some(difference) = session.take(&record)? {
+            println!(
+                "cycle {} (record {}, {:.6} s after the first) differs; {} cycles before it are bit-identical",
+                record.command.sequence,
+                record.sequence,
+                session.seconds(&record),
+                session.compared()
+            );
+            println!("{difference}");
+            return Ok(Exit::ClaimNotMet);
+        }
+    }
+    session.remarks().iter().for_each(|remark| println!("{remark}"));
+    if !items.is_complete() {
+        println!("the recording breaks off: its recorder was killed, or had no room left");
+    }
+    if session.compared() == 0 {
+        return Err((
+            Exit::DataError,
+            format!(
+                "{}: no cycle can be compared: the recording has neither the daemon's first records nor {RUN_IN} cycles in a row \
+                 in free motion to find the controller's state from",
+                args.file.display()
+            ),
+        ));
+    }
+    println!("{} cycles, bit-identical", session.compared());
+    Ok(Exit::Ok)
+}

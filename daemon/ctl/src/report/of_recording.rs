@@ -1,0 +1,266 @@
+//! `admittancectl report`: the figures of a recording.
+
+use std::fs;
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use admittance_host::config;
+use admittanced::config::Config;
+use ipc_types::{RecordKind, RecordSample, StateSample, StopReason, TruthSample};
+
+use super::chart::{Chart, escape};
+use super::figures::{Curve, Window, over_time, paths};
+use super::{TAIL, head, table_row, write_figure};
+use crate::Exit;
+use crate::diagnostics::AXES;
+use crate::recording::{Item, Recording};
+
+/// What is shown before and after the first contact, in s.
+const BEFORE_CONTACT_S: f64 = 0.01;
+const AFTER_CONTACT_S: f64 = 0.14;
+/// Part of a range that is left free around its curves.
+const ROOM: f64 = 0.08;
+
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "The axis shown is the one whose force comes closest to its limit. With plant-sim's truth in the recording, true and \
+    measured values are drawn beside each other.\n\nExit codes: 0 written, 64 usage, 65 no recording, 66 no such file, 73 the \
+    directory cannot be written.\n\nExample:\n  admittancectl report contact.mcap --directory contact-report"
+)]
+pub(crate) struct Args {
+    /// What admittancectl record wrote.
+    file: PathBuf,
+    /// Where index.html and the figures go.
+    #[arg(long, default_value = "recording-report")]
+    directory: PathBuf,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
+    let recording = Recording::open(&args.file)?;
+    let malformed = |why: &str| (Exit::DataError, format!("{}: {why}", args.file.display()));
+    let text = recording.configurations().get(&0).ok_or_else(|| malformed("no configuration in it"))?;
+    let config: Config =
+        config::parse(text, "the recorded configuration").map_err(|error| (Exit::Config, error.to_string()))?;
+    let series = Series::of(&recording, &config)?;
+    if series.cycles == 0 {
+        return Err(malformed("no cycle in it"));
+    }
+    write(&args.directory, &args.file.display().to_string(), text, &config, &series).map_err(|error| {
+        (Exit::CantCreate, format!("the report in {} was not written: {error}", args.directory.display()))
+    })?;
+    eprintln!("report: {}", args.directory.join("index.html").display());
+    Ok(Exit::Ok)
+}
+
+/// What one sample says of every axis.
+struct Point {
+    time_s: f64,
+    force: [f64; 6],
+    offset: [f64; 6],
+    tcp_m: [f64; 3],
+}
+
+/// What is drawn of a recording.
+#[derive(Default)]
+struct Series {
+    measured: Vec<Point>,
+    truth: Vec<Point>,
+    cycles: u64,
+    first_contact_s: Option<f64>,
+    stop: Option<StopReason>,
+    last: Option<Box<RecordSample>>,
+    complete: bool,
+}
+
+impl Series {
+    fn of(recording: &Recording, config: &Config) -> Result<Self, (Exit, String)> {
+        let mut series = Self::default();
+        let mut start = None;
+        let mut seconds = |stamp_ns: u64| {
+            let start = *start.get_or_insert(stamp_ns);
+            if stamp_ns >= start { (stamp_ns - start) as f64 * 1e-9 } else { -((start - stamp_ns) as f64 * 1e-9) }
+        };
+        let mut items = recording.items();
+        for item in items.by_ref() {
+            match item? {
+                Item::Record(record) if record.kind == RecordKind::Sample.code() => {
+                    let time_s = seconds(record.state.stamp_ns);
+                    series.add(record, time_s, config);
+                }
+                Item::Record(_) => {}
+                Item::Truth(truth) => {
+                    let time_s = seconds(truth.stamp_ns);
+                    series.truth.push(point_of_truth(&truth, time_s));
+                }
+            }
+        }
+        series.complete = items.is_complete();
+        Ok(series)
+    }
+
+    fn add(&mut self, record: Box<RecordSample>, time_s: f64, config: &Config) {
+        self.cycles += 1;
+        if record.command.active_axes != 0 {
+            self.first_contact_s.get_or_insert(time_s);
+        }
+        if self.stop.is_none() {
+            self.stop = StopReason::from_code(record.command.stop_reason).filter(|reason| *reason != StopReason::None);
+        }
+        self.measured.push(Point {
+            time_s,
+            force: record.state.wrench,
+            offset: record.command.velocity_offset,
+            tcp_m: tcp_position(config, &record.state).unwrap_or([f64::NAN; 3]),
+        });
+        self.last = Some(record);
+    }
+
+    /// The axis whose force comes closest to its limit.
+    fn axis(&self, config: &Config) -> usize {
+        let share = |axis: usize| {
+            let limit = config.contact.force_limit[axis];
+            self.measured.iter().map(|point| point.force[axis].abs() / limit).fold(0.0, f64::max)
+        };
+        let controlled = (0..config.robot.task_axes as usize).filter(|axis| config.contact.admittance_axes[*axis]);
+        controlled.max_by(|one, other| share(*one).total_cmp(&share(*other))).unwrap_or(0)
+    }
+}
+
+fn point_of_truth(truth: &TruthSample, time_s: f64) -> Point {
+    Point { time_s, force: truth.wrench, offset: truth.velocity_offset, tcp_m: truth.tcp_position }
+}
+
+/// Where the measured joint positions put the TCP, base frame, m.
+fn tcp_position(config: &Config, state: &StateSample) -> Option<[f64; 3]> {
+    fn of<const N: usize>(config: &Config, state: &StateSample) -> Option<[f64; 3]> {
+        let joints: [f64; N] = std::array::from_fn(|joint| state.joint_position[joint]);
+        Some(config.robot.chain::<N>()?.kinematics(&joints.into()).pose.position.into())
+    }
+    match config.robot.joint.len() {
+        2 => of::<2>(config, state),
+        6 => of::<6>(config, state),
+        7 => of::<7>(config, state),
+        _ => None,
+    }
+}
+
+fn write(directory: &Path, file: &str, text: &str, config: &Config, series: &Series) -> io::Result<()> {
+    fs::create_dir_all(directory)?;
+    let mut html = head("admittanced: recording");
+    html += &format!("<h1>{}</h1>\n<p>Recording {}</p>\n", escape(&config.robot.name), escape(file));
+    html += &table(config, series);
+    for (number, caption, chart) in figures(config, series) {
+        html += &write_figure(directory, number, caption, &chart)?;
+    }
+    html += &format!("<h2>Configuration</h2>\n<pre>{}</pre>\n{TAIL}", escape(text));
+    fs::write(directory.join("index.html"), html)
+}
+
+fn figures(config: &Config, series: &Series) -> Vec<(u32, &'static str, Chart)> {
+    let axis = series.axis(config);
+    // Over the axis of the force the one along which the TCP goes furthest.
+    let travel = |of: usize| width(&range(series.measured.iter().map(|point| point.tcp_m[of])));
+    let up = if axis < 3 { axis } else { 2 };
+    let along = (0..3).filter(|of| *of != up).max_by(|one, other| travel(*one).total_cmp(&travel(*other))).unwrap_or(0);
+    let curves: Vec<Curve> = [("measured, commanded", &series.measured), ("true, in force", &series.truth)]
+        .into_iter()
+        .filter(|(_, points)| !points.is_empty())
+        .map(|(title, points)| Curve {
+            title: title.to_owned(),
+            force: points.iter().map(|point| (point.time_s, point.force[axis])).collect(),
+            offset: points.iter().map(|point| (point.time_s, point.offset[axis])).collect(),
+            path: points.iter().map(|point| (point.tcp_m[along], point.tcp_m[up])).collect(),
+        })
+        .collect();
+    let every = || series.measured.iter().chain(&series.truth);
+    let pushes_down = range(every().map(|point| point.force[axis]));
+    let limit = config.contact.force_limit[axis].copysign(pushes_down.start + pushes_down.end);
+    let window = |time: Range<f64>| {
+        let within = || every().filter(|point| time.contains(&point.time_s));
+        let force = range(within().map(|point| point.force[axis]).chain([0.0, limit]));
+        let offset = range(within().map(|point| point.offset[axis]).chain([0.0]));
+        Window { force: roomy(&force), offset: roomy(&offset), time }
+    };
+    let whole = range(every().map(|point| point.time_s));
+    let name = AXES[axis];
+    let mut figures = vec![(
+        3,
+        "contact force and velocity offset",
+        over_time(&curves, name, limit, window(whole), "Contact force and velocity offset over time"),
+    )];
+    if let Some(contact) = series.first_contact_s {
+        let time = contact - BEFORE_CONTACT_S..contact + AFTER_CONTACT_S;
+        let near = || every().filter(|point| time.contains(&point.time_s));
+        let x = roomy(&range(near().map(|point| point.tcp_m[along])));
+        let y = roomy(&range(near().map(|point| point.tcp_m[up])));
+        let initial =
+            over_time(&curves, name, limit, window(time.clone()), "Contact force and velocity offset at first contact");
+        figures.push((4, "the same, initial contact phase", initial));
+        figures.push((5, "TCP trajectory in the initial contact phase", paths(&curves, [AXES[along], AXES[up]], x, y)));
+    }
+    figures
+}
+
+fn table(config: &Config, series: &Series) -> String {
+    let axis = series.axis(config);
+    let peak = |points: &[Point]| points.iter().map(|point| point.force[axis].abs()).fold(0.0, f64::max);
+    let unit = if axis < 3 { "N" } else { "N m" };
+    let command = series.last.as_ref().map(|last| last.command);
+    let count = |of: fn(&ipc_types::CommandSample) -> u64| command.as_ref().map_or(0, of).to_string();
+    let mut rows = vec![
+        ("cycles".to_owned(), series.cycles.to_string()),
+        (format!("peak measured |f_{}| in {unit}", AXES[axis]), format!("{:.1}", peak(&series.measured))),
+        (format!("force limit in {unit}"), config.contact.force_limit[axis].to_string()),
+        (
+            "contacts lost since the daemon's start".to_owned(),
+            series.last.as_ref().map_or(0, |last| last.contact_losses).to_string(),
+        ),
+        ("fallbacks since the daemon's start".to_owned(), count(|command| command.fallback_count)),
+        ("late answers since the daemon's start".to_owned(), count(|command| command.late_count)),
+        ("samples missed since the daemon's start".to_owned(), count(|command| command.missed_count)),
+        ("first stop".to_owned(), series.stop.map_or("none", StopReason::name).to_owned()),
+    ];
+    if !series.truth.is_empty() {
+        rows.insert(
+            2,
+            (format!("peak true |f_{}| in {unit} at samples", AXES[axis]), format!("{:.1}", peak(&series.truth))),
+        );
+    }
+    if !series.complete {
+        rows.push(("end".to_owned(), "breaks off: its recorder was killed, or had no room left".to_owned()));
+    }
+    let rows: String = rows.into_iter().map(|(what, value)| table_row(&[what, value], "td")).collect();
+    format!("<table>\n{rows}</table>\n")
+}
+
+/// From the least to the largest finite value.
+fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let finite = values.filter(|value| value.is_finite());
+    let (low, high) =
+        finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    if low <= high { low..high } else { 0.0..0.0 }
+}
+
+fn width(range: &Range<f64>) -> f64 {
+    range.end - range.start
+}
+
+/// The range with room around, and never without width.
+fn roomy(range: &Range<f64>) -> Range<f64> {
+    let room = if width(range) > 0.0 { ROOM * width(range) } else { 0.1 };
+    range.start - room..range.end + room
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_hold_what_is_finite_and_have_a_width() {
+        assert_eq!(range([2.0, f64::NAN, -1.0, f64::INFINITY].into_iter()), -1.0..2.0);
+        assert_eq!(range(std::iter::empty()), 0.0..0.0);
+        let same = roomy(&(3.0..3.0));
+        assert!(same.start < 3.0 && 3.0 < same.end);
+    }
+}

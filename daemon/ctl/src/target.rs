@@ -1,0 +1,52 @@
+//! Which daemon a command is about.
+
+use std::path::PathBuf;
+
+use admittance_host::config::{self, LoadError};
+use admittanced::config::Config;
+use ipc_types::{IpcSettings, Node};
+
+use crate::Exit;
+
+/// Arguments that say which daemon.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Target {
+    /// The daemon's configuration; /etc/admittanced/INSTANCE.toml when absent.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// Name of the daemon; overrides ipc.instance.
+    #[arg(long)]
+    instance: Option<String>,
+    /// Overrides ipc.root_path.
+    #[arg(long)]
+    root_path: Option<PathBuf>,
+    /// Overrides ipc.prefix.
+    #[arg(long)]
+    prefix: Option<String>,
+}
+
+impl Target {
+    /// The daemon's configuration file.
+    pub(crate) fn config_path(&self) -> Result<PathBuf, (Exit, String)> {
+        match (&self.config, &self.instance) {
+            (Some(path), _) => Ok(path.clone()),
+            (None, Some(instance)) => Ok(PathBuf::from(format!("/etc/admittanced/{instance}.toml"))),
+            (None, None) => Err((Exit::Usage, "which daemon? Give --instance NAME or --config FILE".to_owned())),
+        }
+    }
+
+    /// A node where the daemon is, and the place.
+    pub(crate) fn connect(&self) -> Result<(Node, IpcSettings), (Exit, String)> {
+        ipc_types::quiet_iceoryx2();
+        let config: Config = config::load(&self.config_path()?).map_err(|error| match error {
+            LoadError::Read { .. } => (Exit::NoInput, error.to_string()),
+            LoadError::Config(_) => (Exit::Config, error.to_string()),
+        })?;
+        let settings = config
+            .ipc
+            .settings(self.instance.as_deref(), self.root_path.clone(), self.prefix.clone())
+            .map_err(|why| (Exit::Config, why))?;
+        let node = settings.node("admittancectl").map_err(|error| (Exit::Unavailable, error.to_string()))?;
+        Ok((node, settings))
+    }
+}
