@@ -177,7 +177,7 @@ impl<P: Probe> Loop<'_, P> {
             let received = monotonic_ns();
             // When the law first asked for the time: what comes before is not the solver's.
             let mut asked = 0;
-            let mut record = RecordSample { now_ns: received, ..RecordSample::zeroed() };
+            let mut expired_at = 0;
             let report = if let Some(state) = &sample {
                 let deadline = state.stamp_ns.saturating_add(self.timing.answer_budget);
                 let mut questions = 0;
@@ -185,10 +185,9 @@ impl<P: Probe> Loop<'_, P> {
                     let now = monotonic_ns();
                     asked = if asked == 0 { now } else { asked };
                     questions += 1;
-                    if now >= deadline && record.expired_at == 0 {
-                        record.expired_at = questions;
-                    }
-                    now >= deadline
+                    let is_over = now >= deadline;
+                    expired_at = if is_over && expired_at == 0 { questions } else { expired_at };
+                    is_over
                 };
                 let report = self.cycle.answer(state, received, &mut expired, &mut self.command);
                 self.arrival.see(state.boot_id, state.sequence, state.stamp_ns, received);
@@ -210,6 +209,7 @@ impl<P: Probe> Loop<'_, P> {
                 slot = self.ports.commands.loan_uninit().ok();
             }
             // From here on there is time.
+            let mut record = RecordSample { now_ns: received, expired_at, ..RecordSample::zeroed() };
             record.kind = if sample.is_some() { RecordKind::Sample } else { RecordKind::Silence }.code();
             if let Some(state) = &sample {
                 record.state = **state;
