@@ -50,8 +50,9 @@ config_section! {
         max_consecutive_fallbacks: u32 = 3, unit "cycles", range 0..=20;
         /// Whether the first valid sample without contact starts control.
         start_enabled: bool = true;
-        /// Reciprocal condition number of the Jacobian below which the pose counts as singular.
-        minimum_reciprocal_condition: f64 = 0.01, unit "1", range 1e-6..=0.3;
+        /// Reciprocal condition number of the Jacobian below which the pose counts as singular and stops the arm: in contact at
+        /// a low force, for which there must be some way left to the singularity.
+        minimum_reciprocal_condition: f64 = 0.05, unit "1", range 1e-6..=0.3;
     }
     cross_check answer_in_time;
 }

@@ -55,6 +55,27 @@ fn attainable(experiment: &Experiment) -> f64 {
     peak
 }
 
+/// Slides along the surface until the arm is stretched out.
+#[test]
+fn a_singular_pose_in_contact_is_a_stop_at_a_low_force() {
+    // Down, then along the surface: 0.7 m until the links are in line.
+    let slide = [NORMAL[1], -NORMAL[0]];
+    let mut experiment = Experiment::paper(0.001, 0.25).with_motion(&[(0.3, &[0.0, -0.25]), (1.2, &slide)]);
+    let gentle = experiment.run();
+    experiment.config.mpc.on_infeasible = OnInfeasibleName::Halt;
+    let halted = experiment.run();
+    let rest = |run: &Run| run.last().truth.normal_force_n;
+    println!("normal force: stop {:.1} N, rests at {:.1} N", gentle.peak_normal(), rest(&gentle));
+    println!("normal force: halt {:.1} N, rests at {:.1} N", halted.peak_normal(), rest(&halted));
+    for run in [&gentle, &halted] {
+        assert_eq!(run.stop_reason(), Some(StopReason::Singular.code()));
+        assert!(run.last().is_in(Mode::Stopped) && run.last().command.motion == Motion::Hold.code());
+    }
+    assert!(gentle.instants.iter().all(|at| at.truth.peak_normal_force_n <= 200.0), "{} N", gentle.peak_normal());
+    assert!(rest(&gentle) <= STOP_FORCE, "rests at {} N", rest(&gentle));
+    assert!(rest(&halted) > rest(&gentle), "a halt must not be the better answer");
+}
+
 #[test]
 fn an_infeasible_contact_peaks_near_the_attainable_force_and_far_below_that_of_a_halt() {
     const INSTANTS: u32 = 16;

@@ -213,7 +213,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         }
         let kinematics = self.parameters.chain.kinematics(&sample.joint_position);
         let bound = self.parameters.minimum_reciprocal_condition;
-        let inverse = match right_inverse(&kinematics.task_jacobian::<D>(), bound) {
+        // In contact the arm is stopped while J still inverts: held at once, what its joints still turn would press on the spring.
+        let least = if self.comes_to_rest_by_model() { bound * stopping::CONDITION_LEFT } else { bound };
+        let inverse = match right_inverse(&kinematics.task_jacobian::<D>(), least) {
             Ok(inverse) => inverse,
             Err(singular) => {
                 self.singular = Some(singular);
@@ -249,6 +251,17 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
                     }
                 }
             }
+            if pose.inverse.reciprocal_condition < bound {
+                let reciprocal_condition = pose.inverse.reciprocal_condition;
+                self.singular = Some(Singular { reciprocal_condition });
+                match self.mode {
+                    Mode::Contact => self.begin_stop(StopReason::Singular, sample.stamp),
+                    _ => {
+                        self.halt(StopReason::Singular);
+                        return self.stopped(sample);
+                    }
+                }
+            }
             let wrong_rate = self.history.wrong_rate(&self.parameters.timing).map(|_| StopReason::RateMismatch);
             if let Some(reason) = self.requested.or(wrong_rate) {
                 if self.mode == Mode::Contact {
@@ -263,6 +276,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             Mode::Contact if self.parameters.law == Law::Mpc => self.control(sample, &pose, expired),
             _ => self.without_prediction(sample, &pose),
         }
+    }
+
+    /// Whether a stop now is, or would be, the minimum-force stop.
+    fn comes_to_rest_by_model(&self) -> bool {
+        let by_model =
+            self.parameters.law == Law::Mpc && self.parameters.mpc.on_infeasible == OnInfeasible::MinimumForceStop;
+        by_model && matches!(self.mode, Mode::Contact | Mode::Stopping)
     }
 
     /// The ramp of a released axis starts from where its plan was to end, not from what one cycle was to do on the way there.

@@ -75,7 +75,7 @@ pub enum StopReason {
     SampleInvalid,
     /// Samples with another number of joints than configured.
     JointCount,
-    /// J not invertible at the measured pose.
+    /// J singular at the measured pose, or nearly so in contact.
     Singular,
     /// The samples come at another rate than configured.
     RateMismatch,

@@ -197,7 +197,7 @@ pub struct Guards {
 pub struct Parameters<const N: usize, const D: usize> {
     /// The arm.
     pub chain: Chain<N>,
-    /// Reciprocal condition number of J below which the pose counts as singular.
+    /// Reciprocal condition number of J below which the pose counts as singular; in contact a minimum-force stop begins there.
     pub minimum_reciprocal_condition: f64,
     /// T_V per joint in s.
     pub velocity_time_constant: SVector<f64, N>,

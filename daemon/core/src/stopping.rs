@@ -16,6 +16,8 @@ use crate::parameters::Parameters;
 pub(crate) const SLACK: Slack = Slack { softened: Softened::Maximum, price: 1e3, curvature: 0.1 };
 /// R of the stop, relative to its velocity weight: only enough to make the QP strictly convex.
 const INPUT_WEIGHT: f64 = 1e-2;
+/// Part of the least reciprocal condition number of J at which a stop begins, down to which it may go on.
+pub(crate) const CONDITION_LEFT: f64 = 0.1;
 /// Normal speed in m/s that still counts as zero.
 const STANDSTILL: f64 = 1e-3;
 

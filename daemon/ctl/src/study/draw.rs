@@ -170,8 +170,7 @@ impl Draw {
         self.arm.reciprocal_condition(self.contact_position_rad) >= CONDITION_AT_CONTACT
             && self.path_is_clear(back, APPROACH_S, self.joint_speed_limit_rad_s * APPROACH_SHARE)
             && self.path_is_clear(self.twist_m_s(), AFTER_CONTACT_S, f64::INFINITY)
-            // Sliding on, it must not be led where no joint speed would do: into the neighbourhood of a singular pose.
-            && self.path_is_clear(along, AFTER_CONTACT_S, self.joint_speed_limit_rad_s)
+            && self.path_is_clear(along, AFTER_CONTACT_S, f64::INFINITY)
     }
 
     /// Follows a straight line from the contact, by the midpoint rule.
