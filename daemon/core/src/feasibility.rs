@@ -39,18 +39,16 @@ pub enum Verdict {
     },
 }
 
-/// The verdict on a solved problem: the smallest slack to an upper force bound under the inputs `z`. `scratch` is as long as
-/// the rows rounded up to whole groups.
+/// The verdict on a solved problem: the smallest slack to an upper force bound under the inputs `z`, where A z is `values`.
 pub fn margin_of<const N: usize, const D: usize, const M: usize>(
     rows: &MpcRows<'_, N, D, M>,
     qp: &Qp<'_>,
     z: &[f64],
-    scratch: &mut [f64],
+    values: &[f64],
 ) -> Verdict {
-    qp.rows.values(z, scratch);
     let mut best: Option<(f64, usize)> = None;
     for row in rows.force_rows() {
-        let margin = qp.upper[row] - scratch[row];
+        let margin = qp.upper[row] - values[row];
         if best.is_none_or(|(least, _)| margin < least) {
             best = Some((margin, row));
         }

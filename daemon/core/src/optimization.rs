@@ -380,7 +380,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
                 if !residual.is_within(self.parameters.mpc.solution_tolerance) {
                     return Optimized::Failed { iterations };
                 }
-                margin_of(&rows, &qp, answer.z, scratch)
+                margin_of(&rows, &qp, answer.z, &scratch[2 * qp.stride..])
             }
             QpOutcome::Infeasible { .. } => {
                 let reach = self.parameters.limits.offset.max();

@@ -81,6 +81,11 @@ impl WarmStart {
         stamp: u64,
         working: &[RowState],
     ) {
+        if self.is(layout, working) {
+            // The same once more: nothing moves.
+            (self.stamp, self.shifts) = (stamp, false);
+            return;
+        }
         // Rows guessed right count for a guess, those guessed wrong against it.
         let (mut same, mut moved) = (0, 0);
         let score = |row: &Row, state: RowState| match layout.number(row) {
@@ -102,5 +107,12 @@ impl WarmStart {
             *place = row;
             self.len += 1;
         }
+    }
+
+    /// Whether `working` is the working set that is remembered.
+    fn is(&self, layout: &Layout, working: &[RowState]) -> bool {
+        let rows = &self.rows[..self.len];
+        let holds = |(row, state): &(Row, RowState)| layout.number(row).is_some_and(|number| working[number] == *state);
+        members_of(working).count() == rows.len() && rows.iter().all(holds)
     }
 }

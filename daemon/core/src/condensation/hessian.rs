@@ -3,7 +3,7 @@
 //! Every weighted output o (a wrench estimate; with task weights a TCP velocity or position) adds w_o s_o s_oᵀ per step; the
 //! joint-space cost of (23a) adds V_ia V_ib times a scalar of the two steps, V = J⁻¹. Over even steps
 //! P(r, s) = P(r − 1, s − 1) + what the longest response adds, in reversed time: one product per entry and output. Over uneven
-//! ones the outputs are added step by step.
+//! ones see [`cost_to_go`](super::cost_to_go).
 //!
 //! Responses stand in panels: columns are inputs, in groups of [`LANES`], and of each group one output after the other. What
 //! stands left of the diagonal or beyond the variables is never used; there, panels and H hold anything.
@@ -11,10 +11,12 @@
 use wide::f64x4;
 
 use super::SLACK_UNIT;
-use super::responses::Responses;
+use super::cost_to_go::{self, CostToGo};
+use super::responses::{self, Responses};
 use super::rows::MpcRows;
 use super::short::{Matrix, Short, array};
 use crate::cost::Weights;
+use crate::horizon::Horizon;
 use crate::qp::{CACHE_LINE, LANES, padded};
 
 /// Some columns of one row.
@@ -22,6 +24,26 @@ type Group = [f64; LANES];
 
 /// Most groups of columns.
 const MAX_GROUPS: usize = crate::qp::MAX_VARIABLES.div_ceil(LANES);
+
+/// Numbers in the tables.
+pub(super) const fn table_len<const N: usize, const D: usize>(steps: usize) -> usize {
+    let (even, uneven) = (responses::table_len::<N, D>(steps), cost_to_go::table_len::<N, D>(steps));
+    if even > uneven { even } else { uneven }
+}
+
+/// Writes the tables, which depend on horizon and weights only.
+pub(super) fn fill<const N: usize, const D: usize>(
+    tables: &mut [f64],
+    horizon: &Horizon<N, D>,
+    weights: &Weights<N, D>,
+) {
+    tables.fill(0.0);
+    if horizon.is_even() {
+        responses::fill(tables, horizon, weights);
+    } else {
+        CostToGo::within(tables, horizon.steps().len()).fill(horizon);
+    }
+}
 
 /// Numbers in all panels together: wrench estimates, then joints, or TCP velocities and positions.
 pub(super) const fn panels_len<const N: usize, const D: usize>(steps: usize) -> usize {
@@ -129,36 +151,20 @@ struct Triangle<'a, const M: usize> {
 }
 
 impl<'a, const M: usize> Triangle<'a, M> {
-    /// Before the first term: over even steps R in the margin, from where it moves down the diagonal; over uneven ones R in H,
-    /// times the shares of the steps.
+    /// Before the first term: R in the margin, from where it moves down the diagonal.
     #[inline(always)]
-    fn new<const N: usize, const D: usize>(
-        rows: &MpcRows<'_, N, D, M>,
-        values: &'a mut [f64],
-        stride: usize,
-        is_even: bool,
-    ) -> Self {
+    fn new<const N: usize, const D: usize>(rows: &MpcRows<'_, N, D, M>, values: &'a mut [f64], stride: usize) -> Self {
         let (prediction, steps) = (rows.prediction, rows.horizon.steps().len());
         let (n, margin) = (M * steps, margin_len(M, stride));
-        let weight: [f64; M] = core::array::from_fn(|a| prediction.input_weight[prediction.inputs.as_slice()[a]]);
-        if is_even {
-            let first = margin - M * (stride + 1);
-            values[..margin].fill(0.0);
-            for a in 0..M {
-                values[first + a * (stride + 1)] = weight[a];
-            }
-        } else {
-            values[margin..margin + n * stride].fill(0.0);
-            for index in 0..n {
-                let share = rows.horizon.share(steps - 1 - index / M);
-                values[margin + index * (stride + 1)] = weight[index % M] * share;
-            }
+        let first = margin - M * (stride + 1);
+        values[..margin].fill(0.0);
+        for (a, &axis) in prediction.inputs.as_slice().iter().enumerate() {
+            values[first + a * (stride + 1)] = prediction.input_weight[axis];
         }
         Self { values, stride, margin, groups: n.div_ceil(LANES) }
     }
 
-    /// Row `index` from the group of its diagonal on; and where it starts from over even steps, the row M above it, M columns
-    /// further left.
+    /// Row `index` from the group of its diagonal on; and where it starts from, the row M above it, M columns further left.
     #[inline(always)]
     fn row(&mut self, index: usize) -> (&mut [Group], &[Group]) {
         let first = index / LANES;
@@ -186,16 +192,16 @@ impl<const N: usize, const K: usize, const M: usize> Spread<N, K, M> {
         core::array::from_fn(|output| self.0[output].times(Short::new(responses(output))).array())
     }
 
-    /// Writes the outputs of columns of steps from `first` on, with what `responses` gives for one of them.
+    /// Writes the outputs of all columns of steps, with what `response` makes of theirs for each output.
     #[inline(always)]
-    fn write<'r>(
+    fn write<'r, T>(
         &self,
         panel: &mut [[Group; K]],
-        columns: core::ops::Range<usize>,
-        responses: impl Fn(usize, usize) -> &'r [f64; N],
+        columns: &'r [T],
+        response: impl Fn(&'r T, usize) -> &'r [f64; N],
     ) {
-        for reversed in columns {
-            let outputs = self.of(|output| responses(reversed, output));
+        for (reversed, column) in columns.iter().enumerate() {
+            let outputs = self.of(|output| response(column, output));
             for a in 0..M {
                 put(panel, reversed * M + a, &core::array::from_fn(|output| outputs[output][a]));
             }
@@ -203,74 +209,36 @@ impl<const N: usize, const K: usize, const M: usize> Spread<N, K, M> {
     }
 }
 
-/// Wrench estimates.
-struct WrenchOutputs<'a, const N: usize, const M: usize> {
-    axes: &'a [usize],
+/// Wrench estimates at the end of the horizon.
+struct WrenchOutputs<'a, const M: usize> {
     /// Of unused outputs zero, as their responses are.
     weight: [f64; M],
-    /// The weight in the step that has been written.
-    weight_here: [f64; M],
-    spread: Spread<N, M, M>,
-    estimates: &'a mut [[Group; M]],
+    estimates: &'a [[Group; M]],
 }
 
-impl<'a, const N: usize, const M: usize> WrenchOutputs<'a, N, M> {
+impl<'a, const M: usize> WrenchOutputs<'a, M> {
     #[inline(always)]
-    fn new<const D: usize>(rows: &MpcRows<'a, N, D, M>, estimates: &'a mut [[Group; M]]) -> Self {
+    fn new<const N: usize, const D: usize>(
+        rows: &MpcRows<'_, N, D, M>,
+        responses: &Responses<'_, N, D>,
+        estimates: &'a mut [[Group; M]],
+    ) -> Self {
         let prediction = rows.prediction;
         let (Weights::Joint { wrench, .. } | Weights::Task { wrench, .. }) = prediction.weights;
         let axes = prediction.wrench_axes.as_slice();
         let gradients = &rows.model.wrench_gradient.data.0;
         let gradients = core::array::from_fn(|output| axes.get(output).map_or([0.0; N], |&axis| gradients[axis]));
         let weight = core::array::from_fn(|output| axes.get(output).map_or(0.0, |&axis| wrench[axis]));
-        Self { axes, weight, weight_here: weight, spread: Spread::new(rows, gradients), estimates }
-    }
-
-    /// At the end of step `step`, which inputs from the column of steps `first` on reach and which counts by `share`.
-    #[inline(always)]
-    fn write<const D: usize>(&mut self, responses: &Responses<'_, N, D>, step: usize, first: usize, share: f64) {
-        self.weight_here = self.weight.map(|weight| weight * share);
-        let by_column = responses.wrench(step);
         // An output that is not used has a gradient of zero, whatever the response.
-        let axes: [usize; M] = core::array::from_fn(|output| self.axes.get(output).copied().unwrap_or(0));
-        self.spread.write(self.estimates, first..by_column.len(), |column, output| &by_column[column][axes[output]]);
+        let axis_of: [usize; M] = core::array::from_fn(|output| axes.get(output).copied().unwrap_or(0));
+        Spread::new(rows, gradients)
+            .write(estimates, responses.estimates(), |response, output| &response[axis_of[output]]);
+        Self { weight, estimates }
     }
 
     #[inline(always)]
     fn terms(&self, index: usize) -> Terms<'_, M> {
-        Terms::squared(self.estimates, index, &self.weight_here)
-    }
-}
-
-/// TCP velocities and positions, with task weights.
-struct TcpOutputs<'a, const N: usize, const D: usize, const M: usize> {
-    spread: Spread<N, D, M>,
-    /// Weights in the step that has been written.
-    velocity_weight: [f64; D],
-    position_weight: [f64; D],
-    has_position: bool,
-    velocities: &'a mut [[Group; D]],
-    positions: &'a mut [[Group; D]],
-}
-
-impl<const N: usize, const D: usize, const M: usize> TcpOutputs<'_, N, D, M> {
-    /// At the end of step `step`, which inputs from the column of steps `first` on reach.
-    #[inline(always)]
-    fn write(&mut self, responses: &Responses<'_, N, D>, step: usize, first: usize) {
-        let (velocity, position) = (responses.velocity(step), responses.position(step));
-        self.spread.write(self.velocities, first..velocity.len(), |column, _| &velocity[column]);
-        if self.has_position {
-            self.spread.write(self.positions, first..position.len(), |column, _| &position[column]);
-        }
-    }
-
-    /// Adds these outputs and the wrench estimates to a row.
-    #[inline(always)]
-    fn add_to(&self, row: &mut [Group], start: Option<&[Group]>, wrench: &WrenchOutputs<'_, N, M>, index: usize) {
-        add(row, start, &wrench.terms(index), &Terms::squared(self.velocities, index, &self.velocity_weight));
-        if self.has_position {
-            add(row, None, &Terms::squared(self.positions, index, &self.position_weight), &NOTHING);
-        }
+        Terms::squared(self.estimates, index, &self.weight)
     }
 }
 
@@ -304,25 +272,31 @@ fn write_joints<const N: usize, const M: usize>(
     }
 }
 
-/// Writes the upper triangle.
+/// Writes the upper triangle. `tables` are those that [`fill`] has written, `hessian` begins with its margin.
 pub(super) fn write<const N: usize, const D: usize, const M: usize>(
-    responses: &Responses<'_, N, D>,
+    tables: &mut [f64],
     rows: &MpcRows<'_, N, D, M>,
     hessian: &mut [f64],
     stride: usize,
     scratch: &mut [f64],
 ) {
+    let (steps, margin) = (rows.horizon.steps().len(), margin_len(M, stride));
     if rows.horizon.is_even() {
-        write_over::<N, D, M, true>(responses, rows, hessian, stride, scratch);
+        write_even(&Responses::of(tables, steps), rows, hessian, stride, scratch);
     } else {
-        write_over::<N, D, M, false>(responses, rows, hessian, stride, scratch);
+        cost_to_go::write(&CostToGo::within(tables, steps), rows, &mut hessian[margin..], stride);
+    }
+    if let Some(slack) = &rows.prediction.slack {
+        let (n, hessian) = (M * steps, &mut hessian[margin..]);
+        hessian.chunks_exact_mut(stride).take(n).for_each(|row| row[n] = 0.0);
+        hessian[n * stride + n] = slack.curvature * SLACK_UNIT * SLACK_UNIT;
     }
 }
 
-/// Writes it over even or uneven steps.
+/// Writes it over even steps.
 // Apart from its neighbours: in one function they would share too few registers.
 #[inline(never)]
-fn write_over<const N: usize, const D: usize, const M: usize, const EVEN: bool>(
+fn write_even<const N: usize, const D: usize, const M: usize>(
     responses: &Responses<'_, N, D>,
     rows: &MpcRows<'_, N, D, M>,
     hessian: &mut [f64],
@@ -330,14 +304,11 @@ fn write_over<const N: usize, const D: usize, const M: usize, const EVEN: bool>(
     scratch: &mut [f64],
 ) {
     let (prediction, steps) = (rows.prediction, rows.horizon.steps());
-    let (last, n) = (steps.len() - 1, M * steps.len());
+    let n = M * steps.len();
     let groups = n.div_ceil(LANES);
     let (estimates, rest) = panel(scratch, groups);
-    let mut wrench = WrenchOutputs::new(rows, estimates);
-    if EVEN {
-        wrench.write(responses, last, 0, 1.0);
-    }
-    let mut triangle = Triangle::new(rows, hessian, stride, EVEN);
+    let wrench = WrenchOutputs::new(rows, responses, estimates);
+    let mut triangle = Triangle::new(rows, hessian, stride);
     match prediction.weights {
         Weights::Joint { .. } => {
             let (joints, _) = panel(rest, steps.len().div_ceil(LANES) * M);
@@ -355,53 +326,27 @@ fn write_over<const N: usize, const D: usize, const M: usize, const EVEN: bool>(
                         Terms::new(&costs[..groups], index, product(column, column))
                     };
                     let (row, start) = triangle.row(index);
-                    if EVEN {
-                        add(row, Some(start), &wrench.terms(index), &cost);
-                    } else {
-                        add(row, None, &NOTHING, &cost);
-                    }
-                }
-            }
-            for k in (0..=last).filter(|_| !EVEN) {
-                wrench.write(responses, k, last - k, rows.horizon.share(k));
-                for index in (last - k) * M..n {
-                    add(triangle.row(index).0, None, &wrench.terms(index), &NOTHING);
+                    add(row, Some(start), &wrench.terms(index), &cost);
                 }
             }
         }
         Weights::Task { position, velocity, .. } => {
+            let spread = Spread::new(rows, Matrix::of_columns(prediction.jacobian.data.0).rows);
             let (velocities, rest) = panel(rest, groups);
+            spread.write(velocities, responses.velocities(), |response, _| response);
+            let has_position = position.iter().any(|weight| *weight != 0.0);
             let (positions, _) = panel(rest, groups);
-            let mut tcp = TcpOutputs {
-                spread: Spread::new(rows, Matrix::of_columns(prediction.jacobian.data.0).rows),
-                velocity_weight: *array(velocity),
-                position_weight: *array(position),
-                has_position: position.iter().any(|weight| *weight != 0.0),
-                velocities,
-                positions,
-            };
-            if EVEN {
-                tcp.write(responses, last, 0);
+            if has_position {
+                spread.write(positions, responses.positions(), |response, _| response);
             }
-            for index in (0..n).filter(|_| EVEN) {
+            for index in 0..n {
                 let (row, start) = triangle.row(index);
-                tcp.add_to(row, Some(start), &wrench, index);
-            }
-            for k in (0..=last).filter(|_| !EVEN) {
-                let share = rows.horizon.share(k);
-                wrench.write(responses, k, last - k, share);
-                tcp.velocity_weight = array(velocity).map(|weight| weight * share);
-                tcp.position_weight = array(position).map(|weight| weight * share);
-                tcp.write(responses, k, last - k);
-                for index in (last - k) * M..n {
-                    tcp.add_to(triangle.row(index).0, None, &wrench, index);
+                let moving = Terms::squared(velocities, index, array(velocity));
+                add(row, Some(start), &wrench.terms(index), &moving);
+                if has_position {
+                    add(row, None, &Terms::squared(positions, index, array(position)), &NOTHING);
                 }
             }
         }
-    }
-    if let Some(slack) = &prediction.slack {
-        let hessian = &mut triangle.values[triangle.margin..];
-        hessian.chunks_exact_mut(stride).take(n).for_each(|row| row[n] = 0.0);
-        hessian[n * stride + n] = slack.curvature * SLACK_UNIT * SLACK_UNIT;
     }
 }

@@ -2,7 +2,8 @@
 //! the inputs alone. J is constant over the horizon and joints and wrench filters are diagonal; so
 //!
 //! - responses to an input are scalars per joint ([`Responses`], computed once) times columns of J⁻¹,
-//! - H follows from them ([`hessian`]), with one addition per entry and output where the steps are even,
+//! - H follows from them ([`hessian`]), with one addition per entry and output where the steps are even, and from what a state
+//!   costs later where they are not ([`cost_to_go`]),
 //! - g is one sweep backward along the free trajectory ([`trajectory`]),
 //! - rows are never written down: A z is a simulation, a row of A a sweep backward ([`rows`]).
 //!
@@ -10,6 +11,7 @@
 //! at the end, and so has its image under the Cholesky factor.
 #![allow(clippy::needless_range_loop, reason = "formulas index several arrays at once")]
 
+mod cost_to_go;
 mod hessian;
 mod responses;
 mod rows;
@@ -127,7 +129,7 @@ impl Capacity {
         let trajectory = trajectory::trajectory_len::<N, D>(steps);
         Self {
             variables,
-            tables: responses::table_len::<N, D>(steps),
+            tables: hessian::table_len::<N, D>(steps),
             margin: hessian::margin_len(D, padded(variables)),
             scratch: panels.max(checks).max(trajectory),
         }
@@ -164,7 +166,7 @@ pub struct Pieces<'a> {
     weight: &'a mut [f64],
     /// The free trajectory, then the panels of [`hessian`], then room for checks.
     scratch: &'a mut [f64],
-    tables: &'a [f64],
+    tables: &'a mut [f64],
     /// Where the solver writes.
     pub answer: Answer<'a>,
 }
@@ -182,7 +184,7 @@ impl<B: AsMut<[f64]>> Workspace<B> {
             return None;
         }
         let offset = before_cache_line(storage.as_mut());
-        responses::fill(&mut storage.as_mut()[offset..offset + capacity.tables], horizon, weights);
+        hessian::fill(&mut storage.as_mut()[offset..offset + capacity.tables], horizon, weights);
         Some(Self { capacity, storage, offset, working: [RowState::Inactive; MAX_ROWS] })
     }
 
@@ -235,9 +237,8 @@ impl Pieces<'_> {
 /// n² (3 m + H m) / 2 at most.
 pub fn condense<const N: usize, const D: usize, const M: usize>(rows: &MpcRows<'_, N, D, M>, pieces: &mut Pieces<'_>) {
     let steps = rows.horizon.steps().len();
-    let responses = responses::Responses::<N, D>::of(pieces.tables, steps);
     let mut free = trajectory::FreeTrajectory::within(pieces.scratch, steps);
     trajectory::write_gradient(rows, pieces.gradient, &mut free);
     rows.write_bounds(&free, pieces.lower, pieces.upper, pieces.weight);
-    hessian::write(&responses, rows, pieces.hessian, pieces.stride, pieces.scratch);
+    hessian::write(pieces.tables, rows, pieces.hessian, pieces.stride, pieces.scratch);
 }

@@ -1,6 +1,9 @@
 //! Checks of a solver's answer that need no trust in the solver.
 
+use wide::f64x4;
+
 use super::Qp;
+use super::lanes::{LANES, fill_last_group, groups, groups_mut, padded};
 
 /// How far an answer is from satisfying the Karush-Kuhn-Tucker conditions.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +30,7 @@ fn pushed_slack(value: f64, lower: f64, upper: f64, multiplier: f64) -> f64 {
 }
 
 /// The residual of `z` with the multipliers `y`. n² multiplications, and what the rows take for A z and Aᵀ y; `scratch` is at
-/// least 3·stride + rows rounded up to whole groups.
+/// least 2·stride + rows rounded up to whole groups; A z stands in it behind 2·stride afterwards.
 pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64], scratch: &mut [f64]) -> KktResidual {
     let (n, stride) = (qp.variables, qp.stride);
     let (curvature, rest) = scratch.split_at_mut(stride);
@@ -36,12 +39,22 @@ pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64], scratch: &mut [f64]) -> K
     qp.rows.add_transposed(y, pushed);
     curvature.fill(0.0);
     for (i, row) in qp.hessian.chunks_exact(stride).enumerate().take(n) {
-        let mut sum = row[i] * z[i];
-        for j in i + 1..n {
+        // Whole groups between the one of the diagonal and the one beyond the variables.
+        let whole = (i / LANES + 1) * LANES..(n / LANES * LANES).max((i / LANES + 1) * LANES);
+        let here = z[i];
+        let mut sum = row[i] * here;
+        for j in (i + 1..whole.start.min(n)).chain(whole.end..n) {
             sum += row[j] * z[j];
-            curvature[j] += row[j] * z[i];
+            curvature[j] += row[j] * here;
         }
-        curvature[i] += sum;
+        let rows = groups(&row[whole.clone()]).iter().zip(groups(&z[whole.clone()]));
+        let mut sums = f64x4::ZERO;
+        for (curvature, (row, z)) in groups_mut(&mut curvature[whole]).iter_mut().zip(rows) {
+            let row = f64x4::new(*row);
+            sums = row.mul_add(f64x4::new(*z), sums);
+            *curvature = row.mul_add(f64x4::splat(here), f64x4::new(*curvature)).to_array();
+        }
+        curvature[i] += sum + sums.reduce_add();
     }
     let (mut worst, mut scale, mut finite) = (0.0_f64, 1.0_f64, true);
     for i in 0..n {
@@ -51,16 +64,24 @@ pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64], scratch: &mut [f64]) -> K
         worst = worst.max(sum.abs());
         scale = scale.max(curvature[i].abs()).max(qp.gradient[i].abs()).max(pushed[i].abs());
     }
+    // Beyond the rows nothing is bounded, but a number it has to be.
+    let values = &mut values[..padded(qp.row_count)];
+    fill_last_group(values, 0.0);
     qp.rows.values(z, values);
-    let (mut violation, mut product) = (0.0_f64, 0.0_f64);
-    for (row, &multiplier) in y[..qp.row_count].iter().enumerate() {
-        let (value, lower, upper) = (values[row], qp.lower[row], qp.upper[row]);
-        let outside = (value - upper).max(lower - value) * qp.weight[row];
-        finite &= !outside.is_nan();
+    let bounds = groups(qp.lower).iter().zip(groups(qp.upper)).zip(groups(qp.weight));
+    let (mut violation, mut numbers) = (f64x4::ZERO, f64x4::splat(f64::from_bits(u64::MAX)));
+    for (value, ((lower, upper), weight)) in groups(values).iter().zip(bounds) {
+        let value = f64x4::new(*value);
+        let outside = (value - f64x4::new(*upper)).max(f64x4::new(*lower) - value) * f64x4::new(*weight);
+        numbers &= outside.simd_eq(outside);
         violation = violation.max(outside);
-        if multiplier != 0.0 {
-            product = product.max((multiplier * pushed_slack(value, lower, upper, multiplier)).abs());
-        }
+    }
+    finite &= numbers.all();
+    let violation = violation.to_array().into_iter().fold(0.0, f64::max);
+    let mut product = 0.0_f64;
+    for (row, &multiplier) in y[..qp.row_count].iter().enumerate().filter(|(_, y)| **y != 0.0) {
+        let slack = pushed_slack(values[row], qp.lower[row], qp.upper[row], multiplier);
+        product = product.max((multiplier * slack).abs());
     }
     let stationarity = if finite { worst / scale } else { f64::NAN };
     KktResidual { stationarity, violation, complementarity: product / scale }
