@@ -14,6 +14,7 @@ mod replay;
 mod report;
 mod request;
 mod schema;
+mod soak;
 mod study;
 mod target;
 mod top;
@@ -69,6 +70,8 @@ enum Command {
     Limits(limits::Args),
     /// Hold the controller's verdicts against what is attainable, over random contacts.
     Study(study::Args),
+    /// Let things go wrong at random, for long, and watch what must never happen.
+    Soak(soak::Args),
     /// The daemon itself, in this process: what the demo starts.
     #[command(hide = true, disable_help_flag = true)]
     RoleDaemon {
@@ -78,6 +81,9 @@ enum Command {
     /// The daemon's real-time thread in this process, observed: what bench jitter starts.
     #[command(hide = true)]
     RoleObservedDaemon(bench::ObservedArgs),
+    /// What soak starts to look on from outside.
+    #[command(hide = true)]
+    RoleSoakObserver(soak::observer::Args),
     /// The plant itself, in this process: what the demo starts.
     #[command(hide = true, disable_help_flag = true)]
     RolePlant {
@@ -115,6 +121,8 @@ fn main() -> ExitCode {
         Command::Bench(args) => bench::run(&args),
         Command::Limits(args) => limits::run(&args),
         Command::Study(args) => study::run(&args),
+        Command::Soak(args) => soak::run(&args),
+        Command::RoleSoakObserver(args) => soak::observer::run(&args),
         Command::RoleDaemon { arguments } => Ok(admittanced::main_with_args(arguments.into_iter())),
         Command::RoleObservedDaemon(args) => bench::observed::run(&args),
         Command::RolePlant { arguments } => Ok(plant_sim::main_with_args(arguments.into_iter())),

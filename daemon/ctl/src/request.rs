@@ -89,7 +89,13 @@ pub(crate) fn reset(args: &ResetArgs) -> Result<Exit, (Exit, String)> {
     Ok(if response.status == ResponseStatus::Done.code() { Exit::Ok } else { Exit::ClaimNotMet })
 }
 
-fn ask(node: &Node, settings: &IpcSettings, kind: RequestKind, force: bool) -> Result<ResponseSample, (Exit, String)> {
+/// Asks the daemon, and waits for its answer.
+pub(crate) fn ask(
+    node: &Node,
+    settings: &IpcSettings,
+    kind: RequestKind,
+    force: bool,
+) -> Result<ResponseSample, (Exit, String)> {
     let unavailable = |why: String| (Exit::Unavailable, why);
     let service =
         services::request(node, &settings.instance, Access::Open).map_err(|error| unavailable(error.to_string()))?;

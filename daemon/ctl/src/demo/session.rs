@@ -157,6 +157,17 @@ impl Session {
         self.children.iter_mut().find(|(known, _)| *known == name).map(|(_, child)| child)
     }
 
+    /// Kills a process if it still runs, and forgets it: another of its name may be started.
+    pub(crate) fn forget(&mut self, name: &str) {
+        let is_it = |(known, _): &(&'static str, Child)| *known == name;
+        while let Some(index) = self.children.iter().position(is_it) {
+            let (_, mut child) = self.children.swap_remove(index);
+            // It may have ended in between: then there is nothing to kill.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+
     /// How a process ended; `None` while it runs.
     pub(crate) fn exit_status(&mut self, name: &str) -> Option<ExitStatus> {
         self.child(name)?.try_wait().ok().flatten()
