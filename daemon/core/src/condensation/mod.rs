@@ -234,7 +234,7 @@ impl Pieces<'_> {
 /// Writes the condensed problem (18) into `pieces`, which are those for `rows`.
 ///
 /// The cost is half of (18a) without its constant. About n² (N + m) / 2 multiplications over even steps and joint weights,
-/// n² (3 m + H m) / 2 at most.
+/// n² 3 m / 2 with task weights; over uneven steps n H N (2 + m) / 2 + n² N / 2.
 pub fn condense<const N: usize, const D: usize, const M: usize>(rows: &MpcRows<'_, N, D, M>, pieces: &mut Pieces<'_>) {
     let steps = rows.horizon.steps().len();
     let mut free = trajectory::FreeTrajectory::within(pieces.scratch, steps);
