@@ -10,10 +10,12 @@ pub mod closed_loop;
 mod needs;
 mod private_ipc;
 pub mod session;
+mod systemd;
 mod terminal;
 
 pub use binaries::{Binaries, binaries};
 pub use child::{Child, PATIENCE, wait_until};
 pub use needs::{ICEORYX2_PYTHON_VERSION, MCAP_PYTHON_VERSION, Need, needs, python};
 pub use private_ipc::PrivateIpc;
+pub use systemd::Systemd;
 pub use terminal::{Terminal, screen};

@@ -88,6 +88,7 @@ fn systemd() -> Result<(), String> {
     if !Path::new(path).exists() {
         return Err(format!("there is no {path}"));
     }
+    crate::systemd::cgroup_root()?;
     run("nsenter", &["--version"])?;
     run("unshare", &["--fork", "--pid", "--mount", "--uts", "--ipc", "--cgroup", "--mount-proc", "true"])
 }

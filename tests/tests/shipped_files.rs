@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use admittance_host::config::{load, mutation::check_every_key};
 use admittanced::config::Config;
+use end_to_end::closed_loop::Experiment;
 use end_to_end::session::{MPC_PAPER, PAPER_SCENARIO};
 use plant_sim::scenario::Scenario;
 
@@ -18,7 +19,7 @@ fn toml_files(directory: &str) -> Vec<PathBuf> {
 
 #[test]
 fn shipped_configs_and_scenarios_are_valid_and_describe_something_that_starts() {
-    for path in [toml_files("deploy"), toml_files("deploy/demo")].concat() {
+    for path in [toml_files("deploy/robots"), toml_files("deploy/demo")].concat() {
         let config: Config = load(&path).unwrap_or_else(|error| panic!("{error}"));
         admittanced::cycle::build(&config).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         config.ipc.settings(None, None, None).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -26,6 +27,29 @@ fn shipped_configs_and_scenarios_are_valid_and_describe_something_that_starts() 
     for path in toml_files("plant-sim/scenarios") {
         let scenario: Scenario = load(&path).unwrap_or_else(|error| panic!("{error}"));
         plant_sim::run::VirtualRun::new(&scenario).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    }
+}
+
+#[test]
+fn each_robot_s_configuration_presses_and_slides_in_its_scenario() {
+    let read = |path: &str| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
+        std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    };
+    let pairs =
+        [("planar", "paper", 1, 200.0), ("six-joint", "six-joint", 2, 150.0), ("seven-joint", "seven-joint", 2, 150.0)];
+    assert_eq!(toml_files("deploy/robots").len(), pairs.len(), "each robot has a scenario");
+    for (robot, scenario, axis, force_limit) in pairs {
+        let config = read(&format!("deploy/robots/{robot}.toml"));
+        let scenario = read(&format!("plant-sim/scenarios/{scenario}.toml"));
+        let sampling_time =
+            admittance_host::config::parse::<Config>(&config, robot).expect("valid").control.sampling_time_s;
+        let run = Experiment::new(&config, &scenario, sampling_time).run();
+        let peak = run.peak(axis);
+        println!("{robot}: peak {peak:.1} N, settled {:.1} N", run.settled_normal());
+        assert!(run.touched() && peak <= force_limit + 0.5, "{robot}: peak {peak} N");
+        assert_eq!((run.stop_reason(), run.infeasible(), run.losses()), (None, 0, 0), "{robot}");
+        assert!((run.tangential_share() - 1.0).abs() < 0.01, "{robot} slides");
     }
 }
 

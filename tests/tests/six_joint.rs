@@ -7,7 +7,7 @@ use end_to_end::{Child, PATIENCE, PrivateIpc};
 use plant_sim::scenario::Scenario;
 use plant_sim::summary::Summary;
 
-const CONFIG: &str = include_str!("../../deploy/six-joint.toml");
+const CONFIG: &str = include_str!("../../deploy/robots/six-joint.toml");
 const SCENARIO: &str = include_str!("../../plant-sim/scenarios/six-joint.toml");
 /// f_max on z in N, and what the linear model may miss of it.
 const MOST: f64 = 150.0 + 0.5;

@@ -131,7 +131,8 @@ fn memory_lock(machine: &Machine, asked: &Asked) -> Check {
         Some("unlimited") => ok(name, "unlimited"),
         found => {
             let found = found.map_or_else(|| "unknown".to_owned(), |bytes| format!("{bytes} B"));
-            let change = "systemd: LimitMEMLOCK=infinity; else memlock unlimited in /etc/security/limits.conf";
+            let change =
+                "systemd: AmbientCapabilities=CAP_IPC_LOCK; else memlock unlimited in /etc/security/limits.conf";
             check(name, missing(asked.lock_memory && asked.require_realtime), found, change)
         }
     }
@@ -149,7 +150,8 @@ fn priority(machine: &Machine, asked: &Asked) -> Check {
         return ok(name, format!("up to {largest}"));
     }
     let wanted = wanted.max(80);
-    let change = format!("systemd: LimitRTPRIO={wanted}; else rtprio {wanted} in /etc/security/limits.conf");
+    let change =
+        format!("systemd: AmbientCapabilities=CAP_SYS_NICE; else rtprio {wanted} in /etc/security/limits.conf");
     check(name, missing(asked.priority > 0 && asked.require_realtime), format!("up to {largest}"), change)
 }
 
@@ -167,8 +169,8 @@ fn wake_up_latency(machine: &Machine, asked: &Asked) -> Check {
             )
         }
         Err(why) => {
-            let change = "udev rule: KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\"; or boot with \
-                processor.max_cstate=1";
+            let change = "udev rule: KERNEL==\"cpu_dma_latency\", GROUP=\"admittanced\", MODE=\"0660\" (deploy/install.sh lays \
+                it down); or boot with processor.max_cstate=1";
             let status = missing(asked.cpu_dma_latency && asked.require_realtime);
             check(name, status, format!("{CPU_DMA_LATENCY}: {why}"), change)
         }

@@ -24,7 +24,7 @@ const ACCEPTED_SAMPLING_TIME_S: (f64, f64) = (0.0001, 0.1);
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  admittancectl limits deploy/demo/mpc-default.toml --figure limits.svg\n  \
-    admittancectl limits deploy/six-joint.toml --joints 0.3,1.2,-1.8,2.2,1.57,0.3 --sampling-time-s 0.004,0.001\n\n\
+    admittancectl limits deploy/robots/six-joint.toml --joints 0.3,1.2,-1.8,2.2,1.57,0.3 --sampling-time-s 0.004,0.001\n\n\
     Safe: at every instant of contact within a cycle that was tried, the true force stays within the force limit + 0.5 N on \
     every admittance axis, the contact is not lost, and the controller neither stops nor refuses a sample. The simulated \
     robot is exactly what the configuration says: keep a margin for what it does not know.")]
@@ -154,7 +154,7 @@ mod tests {
     }
 
     pub(super) fn spatial() -> Config {
-        parse(include_str!("../../../../deploy/six-joint.toml"), "six-joint.toml").unwrap()
+        parse(include_str!("../../../../deploy/robots/six-joint.toml"), "six-joint.toml").unwrap()
     }
 
     #[derive(Debug, Parser)]

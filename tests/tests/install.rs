@@ -1,0 +1,126 @@
+//! `deploy/install.sh`: everything comes, the units are sound, and everything goes; and README's commands do what it says.
+
+use std::collections::BTreeSet;
+
+use end_to_end::{Need, Systemd, needs};
+
+const README: &str = include_str!("../../README.md");
+/// What a test run has done already.
+const BUILD: &str = "cargo build --release --workspace --bins";
+
+/// Files and directories, beside backups that the tools for users leave, and users and groups.
+fn system(systemd: &Systemd, root: &str) -> (BTreeSet<String>, String) {
+    let paths = format!("cd {root}/ && find etc usr/local ! -name '*-' ! -name .pwd.lock 2>/dev/null || true");
+    let users = format!("cat {root}/etc/passwd {root}/etc/group 2>/dev/null || true");
+    (systemd.run(&paths).lines().map(str::to_owned).collect(), systemd.run(&users))
+}
+
+/// The commands of a section of README, without "sudo", which is for people.
+fn commands(section: &str) -> Vec<String> {
+    let text = README.split("\n## ").find_map(|text| text.strip_prefix(section)).expect("README has the section");
+    let fenced = text.split("```sh\n").skip(1).filter_map(|text| text.split("```").next());
+    let lines = fenced.flat_map(str::lines).filter(|line| !line.is_empty());
+    lines.map(|line| line.strip_prefix("sudo ").unwrap_or(line).to_owned()).collect()
+}
+
+#[test]
+fn the_readme_s_commands_install_run_and_remove() {
+    if !needs(Need::Systemd) {
+        return;
+    }
+    let systemd = Systemd::boot();
+    let before = system(&systemd, "");
+    let commands = commands("As a service\n");
+    let (mut said, mut was_active) = (String::new(), false);
+    for command in commands.iter().filter(|command| *command != BUILD) {
+        if command.contains("--uninstall") {
+            was_active = systemd.property("admittanced@cell-3", "ActiveState") == "active";
+        }
+        said += &systemd.run(command);
+    }
+    assert!(commands.len() > 8 && commands.contains(&BUILD.to_owned()), "{commands:?}");
+    assert!(
+        was_active && said.contains("cell-3.toml: valid") && said.contains("reload: nothing has changed"),
+        "{said}"
+    );
+    // The configuration is the user's; all else has gone, running or not.
+    let (paths, users) = system(&systemd, "");
+    let left: Vec<&String> = paths.difference(&before.0).collect();
+    assert_eq!(left, ["etc/admittanced", "etc/admittanced/cell-3.scenario.toml", "etc/admittanced/cell-3.toml"]);
+    assert!(users.contains("admittanced"), "{users}");
+    assert_eq!(systemd.try_run("systemctl cat admittanced@cell-3").0, Some(1));
+    let processes = systemd.run("grep -lsx admittanced /proc/[0-9]*/comm || true");
+    assert_eq!(processes, "", "still running");
+    assert!(!systemd.path("/run/admittanced").exists());
+
+    systemd.run("deploy/install.sh && deploy/install.sh --uninstall --purge");
+    assert_eq!(system(&systemd, ""), before);
+}
+
+#[test]
+fn the_units_are_sound_and_hardened() {
+    if !needs(Need::Systemd) {
+        return;
+    }
+    let systemd = Systemd::boot();
+    systemd.run("deploy/install.sh");
+    for unit in ["admittanced@robot.service", "plant-sim@robot.service"] {
+        // It succeeds with unknown keys as well: what it says is what counts.
+        assert_eq!(systemd.run(&format!("systemd-analyze verify {unit}")), "", "{unit}");
+        let security = format!("systemd-analyze security --offline=true --threshold=20 {unit}");
+        println!("{}", systemd.run(&security).lines().last().unwrap_or_default());
+    }
+    systemd.write("/usr/local/lib/systemd/system/plant-sim@.service.d/wrong.conf", "[Service]\nPrivateTpm=yes\n");
+    assert!(systemd.run("systemd-analyze verify plant-sim@robot.service").contains("PrivateTpm"));
+}
+
+#[test]
+fn another_root_gets_everything_and_is_rid_of_it() {
+    if !needs(Need::Systemd) {
+        return;
+    }
+    let systemd = Systemd::boot();
+    systemd.run("mkdir -p /tmp/image/etc/systemd/system /tmp/image/usr/local/bin");
+    systemd.run("cd /tmp/image/etc && touch passwd group shadow gshadow");
+    let (before, machine) = (system(&systemd, "/tmp/image"), system(&systemd, ""));
+    // The second time over the first; a file of an older version goes.
+    systemd.run("deploy/install.sh --root /tmp/image");
+    systemd.run(
+        "cd /tmp/image/usr/local/share/admittanced && touch old && echo /usr/local/share/admittanced/old >>manifest",
+    );
+    systemd.run("deploy/install.sh --root /tmp/image --binaries target/release");
+    let (paths, users) = system(&systemd, "/tmp/image");
+    for path in [
+        "etc/admittanced",
+        "usr/local/bin/admittanced",
+        "usr/local/bin/admittancectl",
+        "usr/local/bin/plant-sim",
+        "usr/local/lib/systemd/system/admittanced@.service",
+        "usr/local/lib/systemd/system/plant-sim@.service.d/sandbox.conf",
+        "usr/local/lib/sysusers.d/admittanced.conf",
+        "usr/local/lib/udev/rules.d/60-admittanced.rules",
+        "usr/local/share/admittanced/robots/six-joint.toml",
+        "usr/local/share/admittanced/scenarios/paper.toml",
+        "usr/local/share/admittanced/THREATS.md",
+    ] {
+        assert!(paths.contains(path), "{path}: {paths:?}");
+    }
+    assert!(!paths.contains("usr/local/share/admittanced/old"), "{paths:?}");
+    assert!(users.contains("admittanced:x:"), "{users}");
+    systemd.run("systemctl --root=/tmp/image enable admittanced@cell-3");
+    systemd.run("deploy/install.sh --root /tmp/image --uninstall --purge");
+    assert_eq!(system(&systemd, "/tmp/image"), before);
+    assert_eq!(system(&systemd, ""), machine, "the machine itself is not touched");
+
+    for (arguments, code, word) in [
+        ("--uninstal", 64, "--uninstal"),
+        ("--purge", 64, "--uninstall"),
+        ("--root", 64, "--root"),
+        ("--root /no/such", 66, "/no/such"),
+        ("--root /tmp/image --binaries /etc", 66, "/etc/admittanced: not there"),
+    ] {
+        let (found, text) = systemd.try_run(&format!("deploy/install.sh {arguments}"));
+        assert_eq!((found, text.contains(word)), (Some(code), true), "{arguments}: {text}");
+    }
+    assert_eq!(system(&systemd, "/tmp/image"), before);
+}
