@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
-use admittance_core::ResetRefused;
-use admittance_core::mode::StopReason;
+use admittance_core::mode::{Mode, StopReason};
+use admittance_core::{EnableRefused, ResetRefused};
+use admittance_host::clock::monotonic_ns;
 use ipc_types::{CommandSample, RecordSample};
 use rtrb::{Consumer, Producer, RingBuffer};
 
@@ -12,20 +14,77 @@ use crate::cycle::{Cycle, CycleReport};
 
 /// From the service thread.
 pub(crate) enum Order {
-    /// End control, and the thread when that is done.
+    /// End control: for good with the reason Shutdown, and the thread when that is done.
     Stop(StopReason),
+    /// Let control begin.
+    Enable,
     /// Leave Stopped.
     Reset { force: bool },
     /// Take this controller from the next cycle on.
-    Replace(Box<dyn Cycle + Send>),
+    Replace { new: Box<dyn Cycle + Send>, kind: Replacement },
 }
 
-/// From the real-time thread, about an order.
-pub(crate) enum Reply {
-    /// What became of a reset.
+/// Why a controller is replaced, and with that in which modes it may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Replacement {
+    /// The configuration was read again: not in contact, where model and bounds would be exchanged under the force.
+    Reload,
+    /// Another law or environment: not in contact either.
+    Behaviour,
+    /// Another force limit: in every mode. In contact the next verdict is about it.
+    ForceLimit,
+    /// Another bias: only in Free, where there is no force that could be mistaken for one.
+    Bias,
+}
+
+impl Replacement {
+    /// Why not in this mode.
+    pub(crate) fn refused_in(self, mode: Mode) -> Option<&'static str> {
+        match (self, mode) {
+            (Self::ForceLimit, _) | (Self::Bias, Mode::Free) => None,
+            (Self::Bias, _) => Some("a wrench can be tared in free motion only: accepted in mode Free"),
+            (_, Mode::Contact | Mode::Stopping) => {
+                Some("the arm is in contact: accepted in the modes Idle, Free and Stopped")
+            }
+            _ => None,
+        }
+    }
+}
+
+/// An order with its number and its end.
+pub(crate) struct Ticket {
+    /// What the reply carries.
+    pub(crate) number: u64,
+    /// ns of CLOCK_MONOTONIC; it is not carried out after that.
+    pub(crate) until_ns: u64,
+    /// What is ordered.
+    pub(crate) order: Order,
+}
+
+/// From the real-time thread, one to every order.
+pub(crate) struct Reply {
+    /// Of the order.
+    pub(crate) number: u64,
+    /// What became of it.
+    pub(crate) answer: Answer,
+}
+
+/// What became of an order.
+pub(crate) enum Answer {
+    /// Of Stop: the mode in which it found the controller, and whether control was enabled.
+    Stopping { mode: Mode, was_enabled: bool },
+    /// Of Enable: the mode, and whether that changed anything.
+    Enabled(Result<(Mode, bool), EnableRefused>),
+    /// Of Reset.
     Reset(Result<(), ResetRefused>),
-    /// The controller that is no longer used, for the service thread to free; the new one itself when it was refused.
+    /// Of Replace: the controller that is no longer used, for the service thread to free; the new one itself when it was
+    /// refused.
     Replaced { unused: Box<dyn Cycle + Send>, refused: Option<&'static str> },
+    /// It came after its end; nothing was done. The order is given back, for the service thread to free.
+    Late {
+        #[expect(dead_code, reason = "held to be freed by the service thread: the real-time thread frees nothing")]
+        order: Order,
+    },
 }
 
 /// What the service thread knows of one cycle, or of an order.
@@ -66,7 +125,7 @@ impl Progress {
 
 /// The real-time thread's ends.
 pub(crate) struct RealtimeEnd {
-    pub(crate) orders: Consumer<Order>,
+    pub(crate) orders: Consumer<Ticket>,
     pub(crate) replies: Producer<Reply>,
     pub(crate) progress: Arc<Progress>,
     records: Producer<CycleRecord>,
@@ -94,6 +153,9 @@ impl RealtimeEnd {
         sample.fault = report.fault_code().code();
         sample.limited = u32::from(report.limited);
         sample.contact_point = cycle.contact_point();
+        sample.wrench = report.wrench;
+        sample.enabled = u32::from(cycle.is_enabled());
+        cycle.settings().write(&mut sample);
         sample.command = *command;
         if self.records.push(CycleRecord { sample, report }).is_err() {
             self.progress.drop_record();
@@ -103,12 +165,52 @@ impl RealtimeEnd {
 
 /// The service thread's ends.
 pub(crate) struct ServiceEnd {
-    pub(crate) orders: Producer<Order>,
-    pub(crate) replies: Consumer<Reply>,
+    orders: Producer<Ticket>,
+    replies: Consumer<Reply>,
+    /// Number of the last order.
+    ordered: u64,
     pub(crate) records: Consumer<CycleRecord>,
     pub(crate) progress: Arc<Progress>,
 }
 
+/// What an order comes to that is not answered as it should be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum OrderError {
+    /// The real-time thread has ended, or takes no orders.
+    #[error("the real-time thread takes no orders: it is ending")]
+    Ending,
+    /// Its end came first.
+    #[error("the real-time thread did not come to it in time; nothing was done")]
+    Late,
+}
+
+impl ServiceEnd {
+    /// Gives an order that is carried out until `until_ns` or not at all, and waits for what became of it.
+    pub(crate) fn order(&mut self, order: Order, until_ns: u64) -> Result<Answer, OrderError> {
+        let number = self.give(order, until_ns)?;
+        while monotonic_ns() < until_ns.saturating_add(GRACE_NS) {
+            match self.replies.pop() {
+                Ok(Reply { number: of, answer: Answer::Late { .. } }) if of == number => return Err(OrderError::Late),
+                Ok(Reply { number: of, answer }) if of == number => return Ok(answer),
+                // Of an order that nobody waited for.
+                Ok(_) => {}
+                Err(_) => std::thread::sleep(Duration::from_micros(200)),
+            }
+        }
+        Err(OrderError::Late)
+    }
+
+    /// Gives an order whose reply nobody waits for.
+    pub(crate) fn give(&mut self, order: Order, until_ns: u64) -> Result<u64, OrderError> {
+        self.ordered += 1;
+        let ticket = Ticket { number: self.ordered, until_ns, order };
+        self.orders.push(ticket).map_err(|_| OrderError::Ending)?;
+        Ok(self.ordered)
+    }
+}
+
+/// How much later than the order's end its reply may come: the real-time thread decides by its own look at the clock.
+const GRACE_NS: u64 = 500_000_000;
 /// Orders and replies that may wait.
 const ORDERS: usize = 8;
 /// Records that may wait: a second at 4 kHz.
@@ -128,7 +230,7 @@ pub(crate) fn channel() -> (RealtimeEnd, ServiceEnd) {
             records: record_producer,
             recorded: 0,
         },
-        ServiceEnd { orders: order_producer, replies: reply_consumer, records: record_consumer, progress },
+        ServiceEnd { orders: order_producer, replies: reply_consumer, ordered: 0, records: record_consumer, progress },
     )
 }
 

@@ -7,6 +7,12 @@ use admittance_host::realtime::RealtimeSection;
 use admittance_host::robot_description::RobotDescription;
 use admittance_host::{config_enum, config_section};
 
+mod requests;
+mod wrench;
+
+pub use requests::RequestsSection;
+pub use wrench::{GivenInName, GivenSignName, WrenchSection};
+
 config_enum! {
     /// Which law computes the offset.
     pub enum LawName {
@@ -350,6 +356,8 @@ config_section! {
         robot: RobotDescription;
         /// The cycle.
         control: Control;
+        /// How the state sample's wrench is given.
+        wrench: WrenchSection;
         /// Contact and force.
         contact: ContactSection;
         /// The surface.
@@ -362,6 +370,8 @@ config_section! {
         limits: LimitsSection;
         /// How a stop goes.
         stopping: StoppingSection;
+        /// What requests may change.
+        requests: RequestsSection;
         /// How the real-time thread runs.
         realtime: RealtimeSection;
     }
@@ -399,6 +409,9 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
         ("limits.joint_position_max_rad", &limits.joint_position_max_rad, per_joint),
         ("limits.inward_rate_m_s2", &limits.inward_rate_m_s2, per_axis),
         ("limits.outward_rate_m_s2", &limits.outward_rate_m_s2, per_axis),
+        ("wrench.deadband", &config.wrench.deadband, per_axis),
+        ("requests.force_limit_min", &config.requests.force_limit_min, per_axis),
+        ("requests.force_limit_max", &config.requests.force_limit_max, per_axis),
     ];
     let optional = optional.into_iter().filter_map(|(key, list, which)| Some((key, list.as_ref()?.len(), which)));
     for (key, found, (accepted, which)) in lengths.into_iter().chain(optional) {
@@ -435,6 +448,12 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
         errors.push(ConfigError::new("control.command_delay_s", delayed, accepted));
     }
     joint_positions(limits, errors);
+    // What the deadband hides must be released already: hysteresis and limits see the whole force.
+    let releases = config.wrench.deadband.iter().flatten().zip(&config.contact.release_threshold);
+    for (axis, (deadband, release)) in releases.enumerate().filter(|(_, (deadband, release))| deadband > release) {
+        let accepted = format!("at most contact.release_threshold[{axis}] = {release}");
+        errors.push(ConfigError::new(format!("wrench.deadband[{axis}]"), deadband, accepted));
+    }
     // A limit below the threshold of activation would be passed before the law begins.
     if !config.contact.admittance_axes.contains(&true) {
         errors.push(ConfigError::new("contact.admittance_axes", "all false", "at least one true"));

@@ -10,10 +10,13 @@ use admittance_core::outcome::{Counters, Outcome};
 use admittance_core::parameters::Parameters;
 use admittance_core::plan::nanoseconds;
 use admittance_core::sample::SampleFault;
-use admittance_core::{ResetRefused, robot::Singular};
-use ipc_types::{CommandSample, StateSample};
+use admittance_core::wrench::Conditioning;
+use admittance_core::{EnableRefused, ResetRefused, robot::Singular};
+use ipc_types::{CommandSample, StateSample, TASK_AXES};
+use nalgebra::{Matrix3, SVector};
 
 use crate::config::Config;
+use crate::settings::Settings;
 use crate::solver::Solver;
 use crate::{parameters, wire};
 
@@ -32,6 +35,8 @@ pub struct CycleReport {
     pub wrong_rate: Option<f64>,
     /// Singular pose, if that is why the arm is stopped.
     pub singular: Option<Singular>,
+    /// f̂ as the law saw it, in N and N·m; zero when the sample did not reach it.
+    pub wrench: [f64; TASK_AXES],
     /// When the solver ended, ns of CLOCK_MONOTONIC; 0 when it was not called. A measurement, no part of the answer.
     pub solver_ended_ns: u64,
 }
@@ -66,6 +71,18 @@ pub trait Cycle {
     /// Ends control; see [`Controller::request_stop`].
     fn request_stop(&mut self, reason: StopReason);
 
+    /// Lets control begin; see [`Controller::enable`].
+    ///
+    /// # Errors
+    /// [`EnableRefused`].
+    fn enable(&mut self) -> Result<bool, EnableRefused>;
+
+    /// Whether control is enabled.
+    fn is_enabled(&self) -> bool;
+
+    /// What requests may change, as it is in force.
+    fn settings(&self) -> &Settings;
+
     /// Leaves Stopped; see [`Controller::reset`].
     ///
     /// # Errors
@@ -93,8 +110,10 @@ pub trait Cycle {
 
 struct ArmCycle<const N: usize, const D: usize> {
     controller: Controller<N, D, Solver, Box<[f64]>>,
+    conditioning: Conditioning<D>,
     command_delay: u64,
     parameters: Parameters<N, D>,
+    settings: Settings,
 }
 
 /// The controller that a (checked) configuration describes: the one match over the arms.
@@ -113,16 +132,29 @@ pub fn build(config: &Config) -> Result<Box<dyn Cycle + Send>, String> {
 }
 
 fn build_arm<const N: usize, const D: usize>(config: &Config) -> Result<Box<dyn Cycle + Send>, String> {
-    let parameters = parameters::parameters::<N, D>(config)
-        .ok_or("the configuration's lists do not fit the arm: run admittancectl validate on it")?;
+    let misfit = "the configuration's lists do not fit the arm: run admittancectl validate on it";
+    let parameters = parameters::parameters::<N, D>(config).ok_or(misfit)?;
+    let conditioning = parameters::conditioning(&config.wrench).ok_or(misfit)?;
     let solver = Solver::new(&config.mpc, &parameters);
     let storage = vec![0.0; Capacity::new::<N, D>(parameters.mpc.horizon).storage_len()].into_boxed_slice();
     let controller = Controller::new(parameters, solver, storage).map_err(|error| error.to_string())?;
     let command_delay = nanoseconds(parameters.timing.command_delay);
-    Ok(Box::new(ArmCycle { controller, command_delay, parameters }))
+    let settings = Settings::of(config);
+    Ok(Box::new(ArmCycle { controller, conditioning, command_delay, parameters, settings }))
 }
 
 impl<const N: usize, const D: usize> ArmCycle<N, D> {
+    /// f̂ of a state sample, whether or not it may be used.
+    fn wrench(&self, state: &StateSample) -> SVector<f64, D> {
+        let orientation = if self.conditioning.needs_orientation() {
+            let position = SVector::<f64, N>::from_fn(|joint, _| state.joint_position[joint]);
+            self.parameters.chain.kinematics(&position).pose.rotation
+        } else {
+            Matrix3::identity()
+        };
+        self.conditioning.wrench(&state.wrench.into(), &orientation)
+    }
+
     fn write(&mut self, outcome: &Outcome<N, D>, stamp: u64, command: &mut CommandSample) -> CycleReport {
         wire::write_outcome(command, outcome, &self.controller);
         command.valid_until_ns = stamp.saturating_add(self.command_delay).saturating_add(self.controller.validity());
@@ -133,6 +165,7 @@ impl<const N: usize, const D: usize> ArmCycle<N, D> {
             limited: outcome.limited,
             wrong_rate: self.controller.history().wrong_rate(&self.parameters.timing),
             singular: self.controller.singular(),
+            wrench: [0.0; TASK_AXES],
             solver_ended_ns: self.controller.solver_mut().take_end(),
         }
     }
@@ -146,11 +179,17 @@ impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
         expired: &mut dyn FnMut() -> bool,
         command: &mut CommandSample,
     ) -> CycleReport {
-        let outcome = self.controller.step(Event::Sample(&wire::sample(state)), now, expired);
+        let wrench = self.wrench(state);
+        let sample = wire::sample(state, &wrench, self.conditioning.saturated(&state.wrench.into()));
+        let outcome = self.controller.step(Event::Sample(&sample), now, expired);
         command.state_sequence = state.sequence;
         command.state_stamp_ns = state.stamp_ns;
         // A stamp that is not to be trusted must not make a command valid for ever.
-        self.write(&outcome, state.stamp_ns.min(now), command)
+        let mut report = self.write(&outcome, state.stamp_ns.min(now), command);
+        if report.fault.is_none() {
+            report.wrench = wire::padded(wrench.as_slice());
+        }
+        report
     }
 
     fn silence(&mut self, now: u64, command: &mut CommandSample) -> CycleReport {
@@ -160,6 +199,18 @@ impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
 
     fn request_stop(&mut self, reason: StopReason) {
         self.controller.request_stop(reason);
+    }
+
+    fn enable(&mut self) -> Result<bool, EnableRefused> {
+        self.controller.enable()
+    }
+
+    fn is_enabled(&self) -> bool {
+        self.controller.is_enabled()
+    }
+
+    fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     fn reset(&mut self, force: bool) -> Result<(), ResetRefused> {

@@ -127,7 +127,7 @@ impl Diagnostics {
         self.wake_up.add(record.wake_up_latency_ns);
         self.compute.add(record.compute_time_ns);
         self.answer.add(record.answer_time_ns);
-        self.sample.wrench = record.state.wrench;
+        self.sample.wrench = record.wrench;
         let controls = [Mode::Contact, Mode::Stopping].map(Mode::code).contains(&command.mode);
         let stands_in = [Source::Plan, Source::Retreat].map(Source::code).contains(&command.source);
         self.sample.solver_failures += u64::from(controls && stands_in && record.expired_at == 0);

@@ -18,9 +18,12 @@ pub mod parameters;
 #[doc(hidden)]
 pub mod probe;
 mod realtime_thread;
+mod requests;
 mod service_thread;
+pub mod settings;
 mod solver;
 mod start;
+mod tare;
 mod wire;
 
 pub use start::main_with_args;

@@ -12,11 +12,12 @@ use admittance_core::parameters::{
 };
 use admittance_core::plan::MAX_STEPS;
 use admittance_core::robot::{Pose, rotation_from_rpy};
+use admittance_core::wrench::{Conditioning, GivenIn, GivenSign};
 use nalgebra::{SVector, Vector3};
 
 use crate::config::{
-    Config, ContactPointName, ContactSignName, DiscretizationName, ForcePointsName, InputsName, LawName,
-    LowerBoundName, OnContactLostName, OnInfeasibleName, WeightSpace,
+    Config, ContactPointName, ContactSignName, DiscretizationName, ForcePointsName, GivenInName, GivenSignName,
+    InputsName, LawName, LowerBoundName, OnContactLostName, OnInfeasibleName, WeightSpace, WrenchSection,
 };
 
 /// Span of a horizon that is not given, in time constants of the slowest joint.
@@ -160,6 +161,29 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
             stop_timeout: config.stopping.stop_timeout_s,
         },
         start_enabled: config.control.start_enabled,
+    })
+}
+
+/// How f̂ follows from what the state sample gives; `None` when the deadband is for another number of axes than D.
+pub fn conditioning<const D: usize>(wrench: &WrenchSection) -> Option<Conditioning<D>> {
+    let deadband = |values: &[f64]| (values.len() == D).then(|| SVector::<f64, D>::from_column_slice(values));
+    Some(Conditioning {
+        given_in: match wrench.given_in {
+            GivenInName::Base => GivenIn::Base,
+            GivenInName::Sensor => GivenIn::Sensor(Pose {
+                position: wrench.sensor_origin_m.into(),
+                rotation: rotation_from_rpy(wrench.sensor_rpy_rad),
+            }),
+        },
+        sign: match wrench.sign {
+            GivenSignName::OnEnvironment => GivenSign::OnEnvironment,
+            GivenSignName::Reaction => GivenSign::Reaction,
+        },
+        bias: wrench.bias.into(),
+        saturation: wrench.saturation.map(Into::into),
+        deadband: optional(&wrench.deadband, deadband)?.unwrap_or_else(SVector::zeros),
+        tool_weight: Vector3::from(wrench.gravity_m_s2) * wrench.tool_mass_kg,
+        tool_center_of_gravity: wrench.tool_center_of_gravity_m.into(),
     })
 }
 

@@ -71,7 +71,7 @@ impl ObservedThread {
     /// Asks it to end control, and then itself, as SIGTERM does.
     pub fn stop(&mut self) {
         // A full ring holds a stop already.
-        let _ = self.service.orders.push(Order::Stop(StopReason::Shutdown));
+        let _ = self.service.give(Order::Stop(StopReason::Shutdown), u64::MAX);
     }
 
     /// Whether it has ended.

@@ -4,7 +4,7 @@ use std::mem::MaybeUninit;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::Sender;
 
-use admittance_core::mode::Mode;
+use admittance_core::mode::{Mode, StopReason as CoreStopReason};
 use admittance_core::plan::nanoseconds;
 use admittance_host::clock::{monotonic_ns, sleep_until_ns};
 use admittance_host::exit::ExitCode;
@@ -18,7 +18,7 @@ use ipc_types::{
 };
 
 use crate::arrival::ArrivalEstimate;
-use crate::channel::{Order, RealtimeEnd, Reply};
+use crate::channel::{Answer, Order, RealtimeEnd, Replacement, Reply, Ticket};
 use crate::config::{Config, Wait};
 use crate::cycle::{Cycle, CycleReport};
 use crate::notifications::Notifications;
@@ -263,42 +263,54 @@ impl<P: Probe> Loop<'_, P> {
     }
 
     fn obey(&mut self) {
-        while let Ok(order) = self.channel.orders.pop() {
-            let mut record = RecordSample { now_ns: monotonic_ns(), ..RecordSample::zeroed() };
-            let reply = match order {
-                Order::Stop(reason) => {
-                    self.cycle.request_stop(reason);
-                    self.stopping = true;
-                    record.kind = RecordKind::Stop.code();
-                    record.stop_order = wire::stop_reason(reason).code();
-                    None
-                }
-                Order::Reset { force } => {
-                    let outcome = self.cycle.reset(force);
-                    record.kind = RecordKind::Reset.code();
-                    (record.forced, record.done) = (u32::from(force), u32::from(outcome.is_ok()));
-                    Some(Reply::Reset(outcome))
-                }
-                Order::Replace(mut new) => {
-                    let refused = match self.cycle.mode() {
-                        Mode::Contact | Mode::Stopping => Some("the arm is in contact"),
-                        _ if new.take_over(&*self.cycle) => None,
-                        _ => Some("the arm is another one"),
-                    };
-                    if refused.is_none() {
-                        std::mem::swap(&mut self.cycle, &mut new);
-                    }
-                    record.kind = RecordKind::Replaced.code();
-                    record.done = u32::from(refused.is_none());
-                    Some(Reply::Replaced { unused: new, refused })
-                }
-            };
-            self.channel.record(record, CycleReport::default(), &self.command, &*self.cycle);
+        while let Ok(Ticket { number, until_ns, order }) = self.channel.orders.pop() {
+            let now = monotonic_ns();
+            let answer = if now > until_ns { Answer::Late { order } } else { self.carry_out(order, now) };
             // As many replies fit as orders: a full ring means that the service thread is gone.
-            if let Some(reply) = reply {
-                let _ = self.channel.replies.push(reply);
-            }
+            let _ = self.channel.replies.push(Reply { number, answer });
         }
+    }
+
+    fn carry_out(&mut self, order: Order, now: u64) -> Answer {
+        let mut record = RecordSample { now_ns: now, ..RecordSample::zeroed() };
+        let (mode, was_enabled) = (self.cycle.mode(), self.cycle.is_enabled());
+        let answer = match order {
+            Order::Stop(reason) => {
+                self.cycle.request_stop(reason);
+                self.stopping |= reason == CoreStopReason::Shutdown;
+                record.kind = RecordKind::Stop.code();
+                record.stop_order = wire::stop_reason(reason).code();
+                Answer::Stopping { mode, was_enabled }
+            }
+            Order::Enable => {
+                let outcome = self.cycle.enable();
+                record.kind = RecordKind::Enable.code();
+                record.done = u32::from(outcome.is_ok());
+                Answer::Enabled(outcome.map(|changed| (mode, changed)))
+            }
+            Order::Reset { force } => {
+                let outcome = self.cycle.reset(force);
+                record.kind = RecordKind::Reset.code();
+                (record.forced, record.done) = (u32::from(force), u32::from(outcome.is_ok()));
+                Answer::Reset(outcome)
+            }
+            Order::Replace { mut new, kind } => {
+                let refused = match kind.refused_in(mode) {
+                    Some(why) => Some(why),
+                    None if new.take_over(&*self.cycle) => None,
+                    None => Some("the arm is another one"),
+                };
+                if refused.is_none() {
+                    std::mem::swap(&mut self.cycle, &mut new);
+                }
+                let is_reload = kind == Replacement::Reload;
+                record.kind = if is_reload { RecordKind::Replaced } else { RecordKind::Adjusted }.code();
+                record.done = u32::from(refused.is_none());
+                Answer::Replaced { unused: new, refused }
+            }
+        };
+        self.channel.record(record, CycleReport::default(), &self.command, &*self.cycle);
+        answer
     }
 }
 
@@ -307,13 +319,13 @@ mod tests {
     use std::any::Any;
     use std::path::PathBuf;
 
-    use admittance_core::ResetRefused;
-    use admittance_core::mode::StopReason as CoreStopReason;
+    use admittance_core::{EnableRefused, ResetRefused};
     use ipc_types::Instance;
 
     use super::*;
     use crate::channel::channel;
     use crate::probe::Unobserved;
+    use crate::settings::Settings;
 
     /// A controller with a bug.
     struct Panics;
@@ -337,6 +349,18 @@ mod tests {
 
         fn reset(&mut self, _: bool) -> Result<(), ResetRefused> {
             Err(ResetRefused::NoSample)
+        }
+
+        fn enable(&mut self) -> Result<bool, EnableRefused> {
+            Err(EnableRefused::Ending)
+        }
+
+        fn is_enabled(&self) -> bool {
+            true
+        }
+
+        fn settings(&self) -> &Settings {
+            &Settings::NONE
         }
 
         fn mode(&self) -> Mode {

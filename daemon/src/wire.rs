@@ -9,8 +9,12 @@ use admittance_core::sample::{Sample, SampleFault};
 use ipc_types::{CommandSample, StateSample};
 use nalgebra::SVector;
 
-/// The core's view of a state sample: the first N joints and D axes.
-pub(crate) fn sample<const N: usize, const D: usize>(state: &StateSample) -> Sample<N, D> {
+/// The core's view of a state sample: the first N joints and D axes, with f̂ and the saturated component of what was given.
+pub(crate) fn sample<const N: usize, const D: usize>(
+    state: &StateSample,
+    wrench: &SVector<f64, D>,
+    wrench_saturated: Option<usize>,
+) -> Sample<N, D> {
     let joints = |values: &[f64]| SVector::<f64, N>::from_fn(|joint, _| values[joint]);
     let axes = |values: &[f64]| SVector::<f64, D>::from_fn(|axis, _| values[axis]);
     Sample {
@@ -19,12 +23,13 @@ pub(crate) fn sample<const N: usize, const D: usize>(state: &StateSample) -> Sam
         boot_id: state.boot_id,
         joint_count: state.joint_count,
         wrench_valid: state.wrench_valid == 1,
+        wrench_saturated,
         drives_enabled: state.drives_enabled == 1,
         joint_position: joints(&state.joint_position),
         joint_velocity: joints(&state.joint_velocity),
         joint_position_reference: joints(&state.joint_position_reference),
         twist_reference: axes(&state.twist_reference),
-        wrench: axes(&state.wrench),
+        wrench: *wrench,
     }
 }
 
@@ -79,7 +84,7 @@ fn write_verdict(command: &mut CommandSample, verdict: &Verdict) {
 }
 
 /// `values` followed by zeros.
-fn padded<const LENGTH: usize>(values: &[f64]) -> [f64; LENGTH] {
+pub(crate) fn padded<const LENGTH: usize>(values: &[f64]) -> [f64; LENGTH] {
     let mut array = [0.0; LENGTH];
     array.iter_mut().zip(values).for_each(|(slot, value)| *slot = *value);
     array
@@ -100,6 +105,7 @@ pub(crate) fn fault(fault: Option<&SampleFault>) -> ipc_types::Fault {
         Some(SampleFault::NotFinite { .. }) => ipc_types::Fault::NotFinite,
         Some(SampleFault::Implausible { .. }) => ipc_types::Fault::Implausible,
         Some(SampleFault::WrenchInvalid) => ipc_types::Fault::WrenchInvalid,
+        Some(SampleFault::WrenchSaturated { .. }) => ipc_types::Fault::WrenchSaturated,
         Some(SampleFault::Stale { .. }) => ipc_types::Fault::Stale,
         Some(SampleFault::FromFuture { .. }) => ipc_types::Fault::FromFuture,
         Some(SampleFault::OutOfOrder { .. }) => ipc_types::Fault::OutOfOrder,

@@ -35,6 +35,7 @@ fn write_header(out: &mut String, schema: &Schema) -> Result {
     writeln!(out, "#define ADMITTANCED_TASK_AXES {}", constants.task_axes)?;
     writeln!(out, "#define ADMITTANCED_MAX_PLAN {}", constants.max_plan)?;
     writeln!(out, "#define ADMITTANCED_QUANTILES {}", constants.quantiles)?;
+    writeln!(out, "#define ADMITTANCED_REQUEST_VALUES {}", constants.request_values)?;
     writeln!(out, "#define ADMITTANCED_TEXT_LENGTH {}\n", constants.text_length)?;
     writeln!(out, "/* Service names: printf formats of the instance name. */")?;
     for service in &schema.services {

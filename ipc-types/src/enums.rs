@@ -80,6 +80,21 @@ wire_enum! {
     enum RequestKind {
         Status = 1 "Report the daemon's state; changes nothing.";
         Reset = 2 "Release a latched stop.";
+        Enable = 3 "Let control begin, once no axis is in contact.";
+        Disable = 4 "End control: in free motion the offset ramps to zero, in contact the arm stops at a low force.";
+        Tare = 5 "In free motion: take the mean of the last wrenches, the tool's weight apart, as the bias.";
+        SetForceLimit = 6 "Another force limit on some axes.";
+        SetEnvironment = 7 "Another stiffness, normal or contact point of the surface.";
+        SetLaw = 8 "Another law.";
+        Reload = 9 "Read the configuration file again, as SIGHUP does: what requests have changed is dropped.";
+    }
+}
+
+wire_enum! {
+    /// Which law computes the offset.
+    enum Law {
+        Mpc = 1 "MPC-based admittance control (18).";
+        Damping = 2 "Classic admittance control (3).";
     }
 }
 
@@ -100,7 +115,9 @@ wire_enum! {
         Silence = 2 "There was no state sample for too long.";
         Reset = 3 "A reset was asked for.";
         Stop = 4 "The end of control was ordered.";
-        Replaced = 5 "A new configuration was handed over.";
+        Replaced = 5 "A configuration that was read again was handed over.";
+        Adjusted = 6 "Values that a request changed were handed over.";
+        Enable = 7 "Enabling control was asked for.";
     }
 }
 
@@ -116,6 +133,7 @@ wire_enum! {
         FromFuture = 6 "It was stamped more than one sampling time ahead.";
         OutOfOrder = 7 "Its sequence or stamp does not follow the last accepted one's.";
         Silence = 8 "There was none.";
+        WrenchSaturated = 9 "Its wrench is at the end of the sensor's range.";
     }
 }
 
@@ -128,6 +146,7 @@ pub const ENUMS: &[EnumInfo] = &[
     Side::INFO,
     StopReason::INFO,
     RequestKind::INFO,
+    Law::INFO,
     ResponseStatus::INFO,
     RecordKind::INFO,
     Fault::INFO,

@@ -29,7 +29,7 @@ pub mod services;
 
 pub use c_header::c_header;
 pub use enums::{
-    ENUMS, Fault, Mode, Motion, RecordKind, RequestKind, ResponseStatus, Side, Source, StopReason, Verdict,
+    ENUMS, Fault, Law, Mode, Motion, RecordKind, RequestKind, ResponseStatus, Side, Source, StopReason, Verdict,
 };
 pub use errors::{PortError, ServiceError};
 pub use instance::{Instance, InstanceError, MAX_INSTANCE_LENGTH};
@@ -54,5 +54,7 @@ pub const TASK_AXES: usize = 6;
 pub const MAX_PLAN: usize = 32;
 /// Quantiles of a time in the diagnostics: p50, p99, p99.9 and the maximum.
 pub const QUANTILES: usize = 4;
+/// Values that a request can hold.
+pub const REQUEST_VALUES: usize = 8;
 /// Bytes of text in a response.
 pub const TEXT_LENGTH: usize = 1024;

@@ -3,12 +3,13 @@
 //! All stamps are nanoseconds of `CLOCK_MONOTONIC` of this host, taken by the writer. Joint arrays hold `joint_count`
 //! values, base to tip, and zeros after them. Cartesian arrays hold x, y, z, rx, ry, rz in the robot's base frame, at
 //! the TCP; an axis that the arm does not control is zero. A wrench is the one that the ROBOT exerts on the
-//! ENVIRONMENT: pushing along +x gives a positive x force.
+//! ENVIRONMENT: pushing along +x gives a positive x force. The state sample's alone may be a sensor's as it is: the
+//! daemon's `[wrench]` section says how it is given.
 
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::layout::{SampleInfo, WireSample};
-use crate::{MAX_JOINTS, MAX_PLAN, QUANTILES, TASK_AXES, TEXT_LENGTH};
+use crate::{MAX_JOINTS, MAX_PLAN, QUANTILES, REQUEST_VALUES, TASK_AXES, TEXT_LENGTH};
 
 wire_sample! {
     /// The measured state of the robot and the references that the motion controller follows: one per cycle.
@@ -43,8 +44,9 @@ wire_sample! {
         240 twist_reference: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
             "Commanded TCP velocity without any offset: linear x y z, then angular rx ry rz, base frame.";
         288 wrench: [f64; TASK_AXES] ["N, N m", "finite when wrench_valid = 1"]
-            "Measured or estimated wrench that the ROBOT exerts on the ENVIRONMENT at the TCP, base frame: force \
-             x y z, then torque rx ry rz. A sensor that reports the reaction is flipped by the writer.";
+            "Measured or estimated wrench: force x y z, then torque rx ry rz. Unless the daemon's [wrench] section \
+             says otherwise (sign, sensor frame, bias, tool): the one that the ROBOT exerts on the ENVIRONMENT at the \
+             TCP, base frame.";
     }
 }
 
@@ -169,7 +171,7 @@ wire_sample! {
 
 wire_sample! {
     /// A request to the daemon's service thread.
-    struct RequestSample: "admittanced.RequestSample.v1", size 24, writer "a client such as admittancectl" {
+    struct RequestSample: "admittanced.RequestSample.v1", size 96, writer "a client such as admittancectl" {
         0 id: u64 ["1", "any"]
             "Chosen by the client; the response carries it back.";
         8 deadline_ns: u64 ["ns", "CLOCK_MONOTONIC"]
@@ -177,14 +179,21 @@ wire_sample! {
         16 kind: u32 as RequestKind ["1", "a code of RequestKind"]
             "What is asked.";
         20 force: u32 ["1", "0 or 1"]
-            "1: reset although the twist reference points inward or the force is above the release threshold. \
-             Ignored by a status.";
+            "Of Reset: 1 = although the twist reference points inward or the force is above the release threshold.";
+        24 law: u32 as Law ["1", "a code of Law; of other kinds 0"]
+            "Of SetLaw: the law from now on.";
+        28 given: u32 ["1", "0 to 255"]
+            "Bit i is set when values[i] counts; what is not given stays as it is.";
+        32 values: [f64; REQUEST_VALUES] ["see the request kind", "finite where given"]
+            "Of SetForceLimit: f_max on x y z rx ry rz in N and N m. Of SetEnvironment: normal stiffness in N/m, surface \
+             normal x y z (any length above zero, all three or none), contact point x y z in m (all three or none), \
+             base frame.";
     }
 }
 
 wire_sample! {
     /// The daemon's answer to a request, with its state at that moment.
-    struct ResponseSample: "admittanced.ResponseSample.v1", size 1248, writer "admittanced (service thread)" {
+    struct ResponseSample: "admittanced.ResponseSample.v1", size 1408, writer "admittanced (service thread)" {
         0 id: u64 ["1", "any"]
             "id of the request.";
         8 state_sequence: u64 ["1", ">= 0"]
@@ -226,17 +235,32 @@ wire_sample! {
         120 verdict_time_s: f64 ["s", ">= 0, finite"]
             "Verdict time of the last command, as in the command sample.";
         128 wrench: [f64; TASK_AXES] ["N, N m", "finite"]
-            "Wrench of the last accepted state sample: ROBOT on ENVIRONMENT, at the TCP, base frame.";
+            "Wrench of the last accepted state sample as the law sees it: bias and tool removed, ROBOT on ENVIRONMENT, \
+             at the TCP, base frame.";
         176 velocity_offset: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
             "Velocity offset of the last command, base frame.";
-        224 text: [u8; TEXT_LENGTH] ["UTF-8", "valid UTF-8 over text_length bytes, 0 after them"]
+        224 law: u32 as Law ["1", "a code of Law"]
+            "Law in force.";
+        228 enabled: u32 ["1", "0 or 1"]
+            "1 when control is enabled.";
+        232 force_limit: [f64; TASK_AXES] ["N, N m", ">= 0"]
+            "f_max in force on every task axis; 0 after them.";
+        280 wrench_bias: [f64; TASK_AXES] ["N, N m", "finite"]
+            "Bias in force of the wrench as the state sample gives it.";
+        328 normal_stiffness_n_m: f64 ["N/m", "> 0"]
+            "Stiffness in force along the surface normal.";
+        336 surface_normal: [f64; 3] ["1", "finite"]
+            "Outward surface normal in force x y z, base frame; any length above zero.";
+        360 contact_point: [f64; 3] ["m", "finite"]
+            "Where the surface is believed to be: a point of it x y z, base frame; 0 before the first cycle.";
+        384 text: [u8; TEXT_LENGTH] ["UTF-8", "valid UTF-8 over text_length bytes, 0 after them"]
             "For a person: what was done, or why it was refused.";
     }
 }
 
 wire_sample! {
     /// What the daemon's law was given and what it made of it: all that a replay needs, and a look at a cycle wants.
-    struct RecordSample: "admittanced.RecordSample.v1", size 2568, writer "admittanced (service thread)" {
+    struct RecordSample: "admittanced.RecordSample.v1", size 2752, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every record"]
             "Number of this record; a reader that sees a gap has lost records. Restarts at 1 with a new boot_id.";
         8 now_ns: u64 ["ns", "CLOCK_MONOTONIC, not decreasing"]
@@ -269,16 +293,31 @@ wire_sample! {
         96 forced: u32 ["1", "0 or 1"]
             "1 for a reset that was forced.";
         100 done: u32 ["1", "0 or 1"]
-            "1 when the order was carried out, 0 when it was refused: of Reset and Replaced.";
+            "1 when the order was carried out, 0 when it was refused: of Reset, Replaced, Adjusted and Enable.";
         104 stop_order: u32 as StopReason ["1", "a code of StopReason"]
             "Of Stop: why control ends.";
-        108 reserved: u32 ["1", "0"]
-            "Not used: zero.";
+        108 enabled: u32 ["1", "0 or 1"]
+            "1 when control is enabled after this record.";
         112 contact_point: [f64; 3] ["m", "finite"]
             "Where the surface is believed to be after this cycle: a point of it x y z, base frame.";
-        136 state: StateSample ["see StateSample", "see StateSample"]
+        136 wrench: [f64; TASK_AXES] ["N, N m", "finite"]
+            "The state sample's wrench as the law saw it: bias and tool removed, ROBOT on ENVIRONMENT, at the TCP, base \
+             frame; 0 where the sample did not reach the law.";
+        184 law: u32 as Law ["1", "a code of Law"]
+            "Law in force after this record; this and the following fields are what requests may change.";
+        188 reserved: u32 ["1", "0"]
+            "Not used: zero.";
+        192 force_limit: [f64; TASK_AXES] ["N, N m", ">= 0"]
+            "f_max in force on every task axis; 0 after them.";
+        240 wrench_bias: [f64; TASK_AXES] ["N, N m", "finite"]
+            "Bias in force of the wrench as the state sample gives it.";
+        288 normal_stiffness_n_m: f64 ["N/m", "> 0"]
+            "Stiffness in force along the surface normal.";
+        296 surface_normal: [f64; 3] ["1", "finite"]
+            "Outward surface normal in force x y z, base frame; any length above zero.";
+        320 state: StateSample ["see StateSample", "see StateSample"]
             "The state sample that was answered; all zero without one.";
-        472 command: CommandSample ["see CommandSample", "see CommandSample"]
+        656 command: CommandSample ["see CommandSample", "see CommandSample"]
             "The last command: of Sample and Silence the one that answered, once a first state sample had come.";
     }
 }
@@ -336,9 +375,10 @@ wire_sample! {
         152 verdict_time_s: f64 ["s", ">= 0, finite"]
             "Verdict time of the last command, as in the command sample.";
         160 wrench: [f64; TASK_AXES] ["N, N m", "finite"]
-            "Wrench of the last accepted state sample: ROBOT on ENVIRONMENT, at the TCP, base frame.";
+            "Wrench of the last accepted state sample as the law sees it: bias and tool removed, ROBOT on ENVIRONMENT, \
+             at the TCP, base frame.";
         208 force_limit: [f64; TASK_AXES] ["N, N m", ">= 0"]
-            "Configured limit of the wrench on each axis; 0 on axes that are not controlled.";
+            "Limit in force of the wrench on each axis; 0 on axes that are not controlled.";
         256 minimum_force: [f64; TASK_AXES] ["N, N m", ">= 0"]
             "Configured minimum of the wrench on each axis in contact; 0 on axes that are not controlled.";
         304 velocity_offset: [f64; TASK_AXES] ["m/s, rad/s", "finite"]

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use crate::layout::{EnumInfo, EnumValueInfo, FieldInfo, SampleInfo};
 use crate::qos::{EventQos, PublishSubscribeQos, RequestResponseQos, ServiceSpec};
 use crate::services::{COMMAND, COMMAND_ARRIVAL, DIAGNOSTICS, RECORD, REQUEST, STATE, STATE_ARRIVAL, TRUTH};
-use crate::{ENUMS, MAX_JOINTS, MAX_PLAN, QUANTILES, SAMPLES, SCHEMA_VERSION, TASK_AXES, TEXT_LENGTH};
+use crate::{ENUMS, MAX_JOINTS, MAX_PLAN, QUANTILES, REQUEST_VALUES, SAMPLES, SCHEMA_VERSION, TASK_AXES, TEXT_LENGTH};
 
 /// The whole contract. Its JSON form is made by [`schema_json`].
 #[derive(Debug, Clone, Serialize)]
@@ -56,6 +56,8 @@ pub struct Constants {
     pub max_plan: usize,
     /// [`QUANTILES`].
     pub quantiles: usize,
+    /// [`REQUEST_VALUES`].
+    pub request_values: usize,
     /// [`TEXT_LENGTH`].
     pub text_length: usize,
 }
@@ -133,6 +135,7 @@ pub fn schema() -> Schema {
             task_axes: TASK_AXES,
             max_plan: MAX_PLAN,
             quantiles: QUANTILES,
+            request_values: REQUEST_VALUES,
             text_length: TEXT_LENGTH,
         },
         instance_pattern: "[a-z0-9][a-z0-9_-]{0,31}",

@@ -1,7 +1,7 @@
 //! The emulated motion controller and robot: joint speed loops (4), contact (19)-(21), wrench estimate (6).
 //!
 //! The data path: [`scenario`] → [`setup`] → [`plant`] ([`motion`] and [`playback`] give the joint reference, [`joint_loop`]
-//! follows it, [`environment`] pushes back, [`wrench_estimate`], [`noise`] and [`faults`] make the sample) → [`run`] in
+//! follows it, [`environment`] pushes back, [`wrench_estimate`], [`noise`], [`wrench_sensor`] and [`faults`] make the sample) → [`run`] in
 //! virtual time, or `shell` in real time.
 
 mod args;
@@ -19,5 +19,6 @@ pub mod setup;
 mod shell;
 pub mod summary;
 pub mod wrench_estimate;
+pub mod wrench_sensor;
 
 pub use shell::main_with_args;

@@ -8,6 +8,7 @@ use crate::motion::{CommandedMotion, MINIMUM_RECIPROCAL_CONDITION, advance_refer
 use crate::noise::Noise;
 use crate::playback::{Applied, Playback, Reception, Rejection};
 use crate::wrench_estimate::{DelayLine, EstimateStep, WrenchEstimate};
+use crate::wrench_sensor::WrenchSensor;
 use admittance_core::robot::{Chain, Kinematics, right_inverse};
 use ipc_types::{CommandSample, MAX_JOINTS, Motion, StateSample, TASK_AXES, TruthSample};
 use nalgebra::{Rotation3, SVector, UnitQuaternion, Vector3};
@@ -25,6 +26,8 @@ pub struct PlantParameters<const N: usize, const D: usize> {
     pub surface: Option<Surface>,
     /// Wrench estimate (6), at rest.
     pub estimate: WrenchEstimate<D>,
+    /// What the estimate is read from; `None` gives it as it is.
+    pub sensor: Option<WrenchSensor>,
     /// Pure delay of the estimate, in ns.
     pub wrench_delay_ns: u64,
     /// Sensor noise.
@@ -356,7 +359,13 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             joint_velocity: pad(velocity.as_slice()),
             joint_position_reference: pad(self.position_reference.as_slice()),
             twist_reference: pad(self.twist_reference().as_slice()),
-            wrench: pad(wrench.as_slice()),
+            wrench: self.parameters.sensor.map_or_else(
+                || pad(wrench.as_slice()),
+                |sensor| {
+                    let at_tcp = pad::<TASK_AXES>(wrench.as_slice());
+                    sensor.reading(&at_tcp.into(), &self.kinematics.pose.rotation).into()
+                },
+            ),
             ..StateSample::zeroed()
         };
         self.parameters.faults.falsify(&mut self.sample, self.index);

@@ -80,6 +80,28 @@ config_section! {
 }
 
 config_section! {
+    /// A wrench sensor between flange and tool: the wrench is then given in its axes, at its origin, and feels the tool.
+    pub struct SensorSection {
+        /// Where it is in the frame of the TCP.
+        origin_m: [f64; 3] = [0.0, 0.0, 0.0], unit "m", range -2.0..=2.0;
+        /// Its orientation in the frame of the TCP: fixed-axis roll, pitch, yaw.
+        rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;
+        /// Whether it reports what tool and environment exert on the robot.
+        reports_reaction: bool = false;
+        /// Reading without any load: forces x y z, then torques.
+        bias: [f64; 6] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], unit "N, N m", range -1e4..=1e4;
+        /// Mass of the tool.
+        tool_mass_kg: f64 = 0.0, unit "kg", range 0.0..=500.0;
+        /// Its centre of gravity in the frame of the TCP.
+        tool_center_of_gravity_m: [f64; 3] = [0.0, 0.0, 0.0], unit "m", range -2.0..=2.0;
+        /// Gravity in the base frame.
+        gravity_m_s2: [f64; 3] = [0.0, 0.0, -9.81], unit "m/s^2", range -30.0..=30.0;
+        /// Largest magnitude of each component of a reading; without end when absent.
+        range: Option<[f64; 6]>, unit "N, N m", range 0.001..=1e6;
+    }
+}
+
+config_section! {
     /// Gaussian sensor noise, root mean square.
     pub struct NoiseSection {
         /// Of each wrench axis.
@@ -169,6 +191,8 @@ config_section! {
         surface: Option<SurfaceSection>;
         /// The wrench estimate.
         wrench: WrenchSection;
+        /// What measures it; when absent the estimate is given as it is, base frame, robot on environment.
+        sensor: Option<SensorSection>;
         /// Sensor noise.
         noise: NoiseSection;
         /// Phases of the commanded motion, one after the other.

@@ -11,6 +11,7 @@ use crate::noise::{Noise, NoiseLevels};
 use crate::plant::{Plant, PlantParameters};
 use crate::scenario::Scenario;
 use crate::wrench_estimate::WrenchEstimate;
+use crate::wrench_sensor::WrenchSensor;
 
 /// Why a scenario that passed its checks can still not be set up.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -97,6 +98,7 @@ pub fn plant<const N: usize, const D: usize>(
             slip_velocity: surface.slip_velocity_m_s,
         }),
         estimate: WrenchEstimate::new(vector(&scenario.wrench.time_constant_s)),
+        sensor: scenario.sensor.as_ref().map(WrenchSensor::new),
         wrench_delay_ns: nanoseconds(scenario.wrench.delay_s),
         noise: Noise::new(
             NoiseLevels {

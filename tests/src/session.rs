@@ -1,7 +1,7 @@
 //! The shipped programs as processes of a test: files with changed keys, a daemon, a plant, the plant's truth.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 use std::time::Duration;
 
 use ipc_types::TruthSample;
@@ -89,6 +89,15 @@ pub fn plant_command(ipc: &PrivateIpc, scenario: &Path) -> Command {
     command.arg("--scenario").arg(scenario);
     place(&mut command, ipc);
     command
+}
+
+/// Exit code of a program and all that it wrote.
+///
+/// # Panics
+/// When it does not start.
+pub fn output(command: &mut Command) -> (Option<i32>, String) {
+    let Output { status, stdout, stderr } = command.output().expect("the program starts");
+    (status.code(), format!("{}{}", String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr)))
 }
 
 /// A command line of admittancectl about this daemon.

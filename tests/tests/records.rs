@@ -8,8 +8,8 @@ use std::process::{Command, Output};
 
 use end_to_end::closed_loop::MPC_DEFAULT;
 use end_to_end::session::{
-    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, ctl_command, run_plant, start_daemon, wait_for_log, with_keys,
-    write,
+    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, ctl_command, output, run_plant, start_daemon, wait_for_log,
+    with_keys, write,
 };
 use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, needs, python, screen};
 use ipc_types::RecordKind;
@@ -26,11 +26,6 @@ fn patient_default() -> String {
 
 fn paper_scenario(ipc: &PrivateIpc) -> PathBuf {
     write(ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &[DELAY]))
-}
-
-fn output(command: &mut Command) -> (Option<i32>, String) {
-    let Output { status, stdout, stderr } = command.output().expect("the program starts");
-    (status.code(), format!("{}{}", String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr)))
 }
 
 fn start_recorder(ipc: &PrivateIpc, config: &Path, file: &Path) -> Child {

@@ -1,17 +1,12 @@
 //! The daemon as a service: who may start, what it says, signals, requests.
 
-use std::process::{Command, Output};
+use std::process::Command;
 
 use end_to_end::session::{
-    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, ctl_command, daemon_command, plant_command, run_plant,
+    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, ctl_command, daemon_command, output, plant_command, run_plant,
     start_daemon, wait_for_log, with_keys, write,
 };
 use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, needs, python};
-
-fn output(command: &mut Command) -> (Option<i32>, String) {
-    let Output { status, stdout, stderr } = command.output().expect("the program starts");
-    (status.code(), format!("{}{}", String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr)))
-}
 
 #[test]
 fn a_second_daemon_is_told_who_holds_the_instance() {

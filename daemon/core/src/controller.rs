@@ -54,6 +54,8 @@ pub struct Controller<const N: usize, const D: usize, S, B> {
     pub(crate) expected: Expected,
     /// Offset of the last command: where the ramp of a released axis starts.
     pub(crate) offset: SVector<f64, D>,
+    /// Whether the damping law still has to come, at the release rate, from where another controller's offset was.
+    catching_up: bool,
     pub(crate) mode: Mode,
     pub(crate) history: SampleHistory,
     pub(crate) last: Option<Sample<N, D>>,
@@ -101,6 +103,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             mismatches: 0,
             expected: Expected::nothing(),
             offset: SVector::zeros(),
+            catching_up: false,
             mode: Mode::Idle,
             history: SampleHistory::new(),
             last: None,
@@ -164,6 +167,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         (self.history, self.last, self.counters) = (old.history, old.last, old.counters);
         (self.stop_reason, self.stopping_since, self.singular) = (old.stop_reason, old.stopping_since, old.singular);
         (self.enabled, self.requested, self.unsolved) = (old.enabled, old.requested, old.unsolved);
+        self.catching_up = true;
     }
 
     /// How long a command stays valid after it acts, in ns: its own cycle and the fallbacks that may follow.
@@ -374,7 +378,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let (offset, source) = match &self.parameters.law {
             Law::Damping { damping } if self.requested.is_none() => {
                 let admittance = &self.parameters.thresholds.admittance;
-                (damping::velocity_offset(damping, admittance, &sample.wrench), Source::Damping)
+                let wanted = damping::velocity_offset(damping, admittance, &sample.wrench);
+                (self.caught_up(wanted), Source::Damping)
             }
             _ => {
                 let ramp = self.released_offset(self.parameters.timing.sampling_time);
@@ -384,6 +389,21 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self.set_plan(sample.stamp, offset);
         let outcome = self.outcome(source);
         self.finish(outcome, sample, pose)
+    }
+
+    /// `wanted`, as far as the release rate lets the last offset get there in a cycle after another controller gave that one.
+    /// In contact the law acts at once.
+    fn caught_up(&mut self, wanted: SVector<f64, D>) -> SVector<f64, D> {
+        if !self.catching_up || self.contact.is_any() {
+            self.catching_up = false;
+            return wanted;
+        }
+        let step = self.parameters.limits.release_rate * self.parameters.timing.sampling_time;
+        let next = self
+            .offset
+            .zip_map(&wanted, |from, to| if (to - from).abs() <= step { to } else { from + step.copysign(to - from) });
+        self.catching_up = next != wanted;
+        next
     }
 
     pub(crate) fn begin_stop(&mut self, reason: StopReason, stamp: u64) {

@@ -1,10 +1,10 @@
 //! MPC-based admittance control after Wahrburg & Listmann, "MPC-based Admittance Control for Robotic Manipulators"
 //! (CDC 2016), as a pure state machine: no clock, no I/O, no heap. Equation numbers in parentheses are the paper's.
 //!
-//! The data path of one cycle, file by file: [`sample`] (what may reach the law) → [`contact`] (which axes are in contact)
-//! → [`model`] (17) over a [`horizon`] → [`cost`] (18a) and [`constraints`] (18d), (18e) → [`condensation`] (one dense QP)
-//! → [`warm_start`] → [`qp`] (solve and check) → [`feasibility`] (the verdict) → [`plan`] → [`controller`] (all of it in order,
-//! with [`mode`]).
+//! The data path of one cycle, file by file: [`wrench`] (f̂ from what is given) → [`sample`] (what may reach the law)
+//! → [`contact`] (which axes are in contact) → [`model`] (17) over a [`horizon`] → [`cost`] (18a) and [`constraints`] (18d),
+//! (18e) → [`condensation`] (one dense QP) → [`warm_start`] → [`qp`] (solve and check) → [`feasibility`] (the verdict)
+//! → [`plan`] → [`controller`] (all of it in order, with [`mode`]).
 //!
 //! # Glossary
 //! | symbol | name in code | meaning |
@@ -53,5 +53,6 @@ pub mod sample;
 mod stopping;
 pub mod under_way;
 pub mod warm_start;
+pub mod wrench;
 
-pub use requests::ResetRefused;
+pub use requests::{EnableRefused, ResetRefused};

@@ -18,6 +18,8 @@ pub struct Sample<const N: usize, const D: usize> {
     pub joint_count: u32,
     /// Whether the sender vouches for `wrench`.
     pub wrench_valid: bool,
+    /// The component of the given wrench that is at the end of the sensor's range, if one is.
+    pub wrench_saturated: Option<usize>,
     /// Whether the drives follow the reference.
     pub drives_enabled: bool,
     /// q in rad.
@@ -86,6 +88,11 @@ pub enum SampleFault {
     },
     /// The sender does not vouch for the wrench.
     WrenchInvalid,
+    /// The wrench is at the end of the sensor's range: the real one may be any larger one.
+    WrenchSaturated {
+        /// Component of the given wrench, from 0.
+        index: usize,
+    },
     /// Older than allowed.
     Stale {
         /// Its age in ns.
@@ -118,6 +125,9 @@ impl core::fmt::Display for SampleFault {
                 write!(f, "{}[{index}] is beyond ±{LARGEST_VALUE:e}, larger than any arm's", field.name())
             }
             Self::WrenchInvalid => f.write_str("wrench_valid = 0: the motion controller marks its wrench as invalid"),
+            Self::WrenchSaturated { index } => {
+                write!(f, "wrench[{index}] is at the end of the sensor's range, wrench.saturation")
+            }
             Self::Stale { age } => write!(f, "stamp_ns is {age} ns old, older than max_sample_age_s"),
             Self::FromFuture { ahead } => {
                 write!(f, "stamp_ns is {ahead} ns ahead of CLOCK_MONOTONIC, more than one sampling time")
@@ -222,7 +232,10 @@ impl SampleHistory {
                 return Err(SampleFault::Implausible { field, index });
             }
         }
-        if sample.wrench_valid { Ok(()) } else { Err(SampleFault::WrenchInvalid) }
+        if !sample.wrench_valid {
+            return Err(SampleFault::WrenchInvalid);
+        }
+        sample.wrench_saturated.map_or(Ok(()), |index| Err(SampleFault::WrenchSaturated { index }))
     }
 
     /// Takes note of a sample that passed [`Self::check`].

@@ -31,11 +31,11 @@ type Exit = admittance_host::exit::ExitCode;
 #[command(
     name = "admittancectl",
     version,
-    about = "Rehearse, check and watch admittanced.",
+    about = "Rehearse, check, watch and direct admittanced.",
     arg_required_else_help = true
 )]
 #[command(after_help = "Examples:\n  admittancectl demo\n  admittancectl validate /etc/admittanced/cell-3.toml\n  \
-    admittancectl status --instance cell-3\n\nExit codes: 0 done, 1 claim not met, 64 usage, 65 malformed data, 66 no such file, 69 no daemon \
+    admittancectl status --instance cell-3\n\nExit codes: 0 done, 1 claim not met or request refused, 64 usage, 65 malformed data, 66 no such file, 69 no daemon \
     answers, 73 a file cannot be created, 74 writing failed, 75 machine too busy, 77 no permission, 78 configuration.")]
 struct Cli {
     #[command(subcommand)]
@@ -60,6 +60,20 @@ enum Command {
     Report(report::Args),
     /// Release a stopped daemon, once nothing pushes into the surface any more.
     Reset(request::ResetArgs),
+    /// Let control begin, once no axis is in contact.
+    Enable(request::EnableArgs),
+    /// End control: in free motion at once, in contact by a stop at a low force.
+    Disable(request::DisableArgs),
+    /// Take the present wrench, the tool's weight apart, as the sensor's bias.
+    Tare(request::TareArgs),
+    /// Change the force limit of some axes while the daemon runs.
+    SetForceLimit(request::SetForceLimitArgs),
+    /// Change stiffness, normal or contact point of the surface while the daemon runs.
+    SetEnvironment(request::SetEnvironmentArgs),
+    /// Change the law while the daemon runs.
+    SetLaw(request::SetLawArgs),
+    /// Let the daemon read its configuration again, as SIGHUP does.
+    Reload(request::ReloadArgs),
     /// Check whether this machine can keep a deadline, and say what to change; nothing is changed.
     Doctor(doctor::Args),
     /// Print the shared-memory contract, for clients in other languages.
@@ -116,6 +130,13 @@ fn main() -> ExitCode {
         Command::Replay(args) => replay::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Reset(args) => request::reset(&args),
+        Command::Enable(args) => request::enable(&args),
+        Command::Disable(args) => request::disable(&args),
+        Command::Tare(args) => request::tare(&args),
+        Command::SetForceLimit(args) => request::set_force_limit(&args),
+        Command::SetEnvironment(args) => request::set_environment(&args),
+        Command::SetLaw(args) => request::set_law(&args),
+        Command::Reload(args) => request::reload(&args),
         Command::Doctor(args) => doctor::run(&args),
         Command::Schema(args) => schema::run(&args),
         Command::Bench(args) => bench::run(&args),

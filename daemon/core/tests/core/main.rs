@@ -8,6 +8,8 @@ mod contact_plan_mode;
 mod controller;
 mod kinematics;
 mod model;
+mod requests;
 mod sparse_formulation;
 mod stopping;
 mod wild_samples;
+mod wrench;

@@ -111,6 +111,7 @@ impl Approach {
                 slip_velocity_m_s: 0.001,
             }),
             wrench: WrenchSection { time_constant_s: config.contact.wrench_time_constant_s.clone(), delay_s: 0.0 },
+            sensor: None,
             noise: NoiseSection { wrench: 0.0, joint_position_rad: 0.0, joint_velocity_rad_s: 0.0, seed: 1 },
             motion: vec![MotionSection {
                 duration_s: contact_time_s + whole_cycles(AFTER_CONTACT_S),

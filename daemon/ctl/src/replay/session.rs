@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use admittance_host::config;
 use admittanced::config::Config;
 use admittanced::cycle::{self, Cycle, CycleReport};
+use admittanced::settings::Settings;
 use ipc_types::layout::WireType as _;
 use ipc_types::{CommandSample, Fault, Mode, RecordKind, RecordSample, Source, StopReason};
 
@@ -71,10 +72,8 @@ impl Counts {
 
 impl<'a> Session<'a> {
     /// A replay that begins with this configuration; those of later records replace it.
-    pub(crate) fn new(mut config: Config, configurations: &'a BTreeMap<u64, String>) -> Result<Self, (Exit, String)> {
+    pub(crate) fn new(config: Config, configurations: &'a BTreeMap<u64, String>) -> Result<Self, (Exit, String)> {
         cycle::build(&config).map_err(|why| (Exit::Config, why))?;
-        // Where the comparing begins the recorded controller was enabled, by a reset perhaps that is not in the recording.
-        config.control.start_enabled = true;
         Ok(Self {
             config,
             configurations,
@@ -124,8 +123,8 @@ impl<'a> Session<'a> {
                 format!("record {} is of the unknown kind {}", record.sequence, record.kind),
             ));
         };
-        let is_new_configuration = kind == RecordKind::Replaced && record.done == 1;
-        if is_new_configuration && !matches!(self.state, State::Over) && !self.adopt(record)? {
+        let is_handed_over = [RecordKind::Replaced, RecordKind::Adjusted].contains(&kind) && record.done == 1;
+        if is_handed_over && !matches!(self.state, State::Over) && !self.adopt(record, kind)? {
             self.state = State::Over;
         }
         match std::mem::replace(&mut self.state, State::Over) {
@@ -162,15 +161,24 @@ impl<'a> Session<'a> {
 
     /// Looks whether the replay can begin with this record.
     fn search(&mut self, record: &RecordSample, kind: RecordKind) -> Result<(), (Exit, String)> {
-        let fresh = || cycle::build(&self.config).map_err(|why| (Exit::Config, why));
         self.state = State::Searching;
         // Before the first command no sample was answered, and silences leave nothing behind but a count.
         let is_first = matches!(kind, RecordKind::Sample | RecordKind::Silence) && record.command.sequence <= 1;
         if record.sequence == 1 || is_first {
-            let cycle = fresh()?;
+            // An order of this very record comes after the start; one that was before the recording is in force.
+            let mut config = self.config.clone();
+            if record.sequence != 1 {
+                settings(record)?.apply(&mut config);
+                config.control.start_enabled = record.enabled == 1;
+            }
+            let cycle = cycle::build(&config).map_err(|why| (Exit::Config, why))?;
             self.begin(cycle, record, "the controller was fresh");
         } else if is_free(record, kind) {
-            let mut cycle = fresh()?;
+            // What requests have changed since the file was read is in every record, and free motion was enabled.
+            settings(record)?.apply(&mut self.config);
+            let mut config = self.config.clone();
+            config.control.start_enabled = true;
+            let mut cycle = cycle::build(&config).map_err(|why| (Exit::Config, why))?;
             cycle.assume_contact_point(record.contact_point);
             self.event(&mut *cycle, record, kind);
             self.state = State::RunningIn(cycle, 1);
@@ -207,7 +215,8 @@ impl<'a> Session<'a> {
                     cycle.request_stop(reason);
                 }
             }
-            RecordKind::Replaced => {}
+            RecordKind::Enable => replayed.done = u32::from(cycle.enable().is_ok()),
+            RecordKind::Replaced | RecordKind::Adjusted => {}
         }
         let counters = cycle.counters();
         replayed.limited_count = counters.limited;
@@ -216,6 +225,9 @@ impl<'a> Session<'a> {
         replayed.limited = u32::from(report.limited);
         replayed.fault = report.fault_code().code();
         replayed.contact_point = cycle.contact_point();
+        replayed.wrench = report.wrench;
+        replayed.enabled = u32::from(cycle.is_enabled());
+        cycle.settings().write(&mut replayed);
         let shell = &record.command;
         replayed.command = CommandSample {
             sequence: shell.sequence,
@@ -236,7 +248,7 @@ impl<'a> Session<'a> {
                 format!("record {}: {} is no reason of an order", record.sequence, record.stop_order),
             ));
         }
-        if kind == RecordKind::Replaced && record.done == 1 {
+        if [RecordKind::Replaced, RecordKind::Adjusted].contains(&kind) && record.done == 1 {
             let mut new = cycle::build(&self.config).map_err(|why| (Exit::Config, why))?;
             if !new.take_over(&*cycle) {
                 return Err((
@@ -251,8 +263,9 @@ impl<'a> Session<'a> {
         // Before the first sample, and for an order, there is no answer.
         let is_cycle = matches!(kind, RecordKind::Sample | RecordKind::Silence);
         if !is_cycle || record.command.state_sequence == 0 {
-            let same = replayed.done == record.done;
-            return Ok((!same).then(|| Difference::of("done", record.done, replayed.done)));
+            let orders = [("done", record.done, replayed.done), ("enabled", record.enabled, replayed.enabled)];
+            let differs = orders.into_iter().find(|(_, recorded, replayed)| recorded != replayed);
+            return Ok(differs.map(|(field, recorded, replayed)| Difference::of(field, recorded, replayed)));
         }
         let ahead = *self.ahead.get_or_insert_with(|| {
             let is_first = record.sequence == 1;
@@ -267,20 +280,28 @@ impl<'a> Session<'a> {
     }
 
     /// Takes over the configuration that holds from this record on; false when it was not recorded.
-    fn adopt(&mut self, record: &RecordSample) -> Result<bool, (Exit, String)> {
-        let Some(text) = self.configurations.get(&record.sequence) else {
-            self.remarks.push(format!(
-                "record {} ({:.3} s): the daemon took a new configuration that is not in the recording: nothing after it is compared",
-                record.sequence,
-                self.seconds(record)
-            ));
-            return Ok(false);
-        };
-        let name = format!("the configuration recorded with record {}", record.sequence);
-        self.config = config::parse(text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
-        self.config.control.start_enabled = true;
+    fn adopt(&mut self, record: &RecordSample, kind: RecordKind) -> Result<bool, (Exit, String)> {
+        if kind == RecordKind::Replaced {
+            let Some(text) = self.configurations.get(&record.sequence) else {
+                self.remarks.push(format!(
+                    "record {} ({:.3} s): the daemon took a new configuration that is not in the recording: nothing after it is compared",
+                    record.sequence,
+                    self.seconds(record)
+                ));
+                return Ok(false);
+            };
+            let name = format!("the configuration recorded with record {}", record.sequence);
+            self.config = config::parse(text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
+        }
+        settings(record)?.apply(&mut self.config);
         Ok(true)
     }
+}
+
+/// What requests may change, as it is in force after a record.
+fn settings(record: &RecordSample) -> Result<Settings, (Exit, String)> {
+    let unknown = || format!("record {} is under the unknown law {}", record.sequence, record.law);
+    Settings::read(record).ok_or_else(|| (Exit::DataError, unknown()))
 }
 
 /// Whether a record is a plain cycle in free motion, without an offset on its way to zero.
@@ -343,10 +364,15 @@ mod tests {
                 fault: report.fault_code().code(),
                 limited: u32::from(report.limited),
                 contact_point: cycle.contact_point(),
+                wrench: report.wrench,
+                enabled: u32::from(cycle.is_enabled()),
                 state,
                 command,
                 ..RecordSample::zeroed()
             });
+            if let Some(record) = records.last_mut() {
+                cycle.settings().write(record);
+            }
         }
         records
     }

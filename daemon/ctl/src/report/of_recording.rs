@@ -109,7 +109,7 @@ impl Series {
         }
         self.measured.push(Point {
             time_s,
-            force: record.state.wrench,
+            force: record.wrench,
             offset: record.command.velocity_offset,
             tcp_m: tcp_position(config, &record.state).unwrap_or([f64::NAN; 3]),
         });

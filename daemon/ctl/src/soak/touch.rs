@@ -132,7 +132,7 @@ impl Stage {
         let truths = service.subscriber().map_err(|error| unavailable(&error))?;
         // Before it serves requests, SIGHUP would end it.
         let give_up = Instant::now() + PATIENCE;
-        while let Err(why) = request::ask(&node, session.settings(), RequestKind::Status, false) {
+        while let Err(why) = request::ask(&node, session.settings(), request::request(RequestKind::Status)) {
             if let Some(status) = session.exit_status("daemon") {
                 return Err(session.failure("daemon", status));
             }
@@ -277,7 +277,7 @@ impl Stage {
     /// Whether the daemon controls; if it is stopped, it is reset first, and asked again later.
     fn control(&mut self) -> Result<(), String> {
         let settings = self.session.settings();
-        let ask = |kind| request::ask(&self.node, settings, kind, false).map_err(|(_, why)| why);
+        let ask = |kind| request::ask(&self.node, settings, request::request(kind)).map_err(|(_, why)| why);
         let status = ask(RequestKind::Status)?;
         match Mode::from_code(status.mode) {
             Some(Mode::Free) => Ok(()),

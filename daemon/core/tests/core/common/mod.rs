@@ -120,6 +120,7 @@ pub(crate) fn pressing(force: f64, sequence: u64) -> Sample<2, 2> {
         boot_id: 7,
         joint_count: 2,
         wrench_valid: true,
+        wrench_saturated: None,
         drives_enabled: true,
         joint_position: q,
         joint_velocity: Vector2::zeros(),

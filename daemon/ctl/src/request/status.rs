@@ -1,20 +1,12 @@
-//! `admittancectl status` and `reset`: the daemon's request service.
+//! `admittancectl status`.
 
-use std::time::Duration;
-
-use admittance_host::clock::monotonic_ns;
-use ipc_types::services::{self, Access};
-use ipc_types::{
-    IpcSettings, Mode, Motion, Node, RequestKind, RequestSample, ResponseSample, ResponseStatus, StopReason, Verdict,
-};
+use ipc_types::{Law, Mode, Motion, RequestKind, ResponseSample, StopReason, Verdict};
 use serde_json::json;
 
+use super::{ask, request};
 use crate::Exit;
 use crate::diagnostics::{self, axes_text};
 use crate::target::Target;
-
-/// How long a request stays valid, and how long its answer is waited for.
-const DEADLINE: Duration = Duration::from_secs(2);
 
 #[derive(Debug, clap::Args)]
 #[command(
@@ -28,20 +20,9 @@ pub(crate) struct StatusArgs {
     json: bool,
 }
 
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  admittancectl reset --instance cell-3")]
-pub(crate) struct ResetArgs {
-    #[command(flatten)]
-    target: Target,
-    /// Reset although the commanded motion points into the surface or the force is above the release threshold. Control
-    /// resumes at once, in contact.
-    #[arg(long)]
-    force: bool,
-}
-
 pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
     let (node, settings) = args.target.connect()?;
-    let response = ask(&node, &settings, RequestKind::Status, false)?;
+    let response = ask(&node, &settings, request(RequestKind::Status))?;
     let diagnostics = diagnostics::first(&diagnostics::subscribe(&node, &settings)?, &settings)?;
     if args.json {
         let mut json = json_of(&response);
@@ -50,7 +31,15 @@ pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
     } else {
         println!("{}", response.text());
         println!("wrench            {} (N, N m; robot on environment)", axes_text(&response.wrench));
-        println!("force limit       {} (N, N m)", axes_text(&diagnostics.force_limit));
+        println!("wrench bias       {} (N, N m; as the sensor gives it)", axes_text(&response.wrench_bias));
+        println!("force limit       {} (N, N m)", axes_text(&response.force_limit));
+        println!("law               {}, control {}", law_name(&response), enabled_text(&response));
+        println!(
+            "environment       {:.0} N/m along {}, at {} m",
+            response.normal_stiffness_n_m,
+            coordinates(&response.surface_normal),
+            coordinates(&response.contact_point)
+        );
         println!("velocity offset   {} (m/s, rad/s)", axes_text(&response.velocity_offset));
         println!(
             "cycles            {}: fallback {}, late {}, missed {}, rejected {}",
@@ -79,45 +68,16 @@ pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
     Ok(Exit::Ok)
 }
 
-pub(crate) fn reset(args: &ResetArgs) -> Result<Exit, (Exit, String)> {
-    if args.force {
-        eprintln!("forced: control resumes at once, whatever the force and the commanded motion are");
-    }
-    let (node, settings) = args.target.connect()?;
-    let response = ask(&node, &settings, RequestKind::Reset, args.force)?;
-    println!("{}", response.text());
-    Ok(if response.status == ResponseStatus::Done.code() { Exit::Ok } else { Exit::ClaimNotMet })
+fn law_name(response: &ResponseSample) -> &'static str {
+    Law::from_code(response.law).map_or("unknown", Law::name)
 }
 
-/// Asks the daemon, and waits for its answer.
-pub(crate) fn ask(
-    node: &Node,
-    settings: &IpcSettings,
-    kind: RequestKind,
-    force: bool,
-) -> Result<ResponseSample, (Exit, String)> {
-    let unavailable = |why: String| (Exit::Unavailable, why);
-    let service =
-        services::request(node, &settings.instance, Access::Open).map_err(|error| unavailable(error.to_string()))?;
-    let client = service.client().map_err(|error| unavailable(error.to_string()))?;
-    let now = monotonic_ns();
-    let deadline = now + DEADLINE.as_nanos() as u64;
-    let request = RequestSample { id: now, deadline_ns: deadline, kind: kind.code(), force: u32::from(force) };
-    // The server sees a request only as long as its pending response is kept.
-    let pending =
-        client.send_copy(request).map_err(|error| unavailable(format!("the request was not sent: {error:?}")))?;
-    while monotonic_ns() < deadline {
-        match pending.receive() {
-            Ok(Some(response)) if response.id == request.id => return Ok(*response),
-            Ok(_) => std::thread::sleep(Duration::from_millis(1)),
-            Err(error) => return Err(unavailable(format!("the response was lost: {error:?}"))),
-        }
-    }
-    Err(unavailable(format!(
-        "admittanced/{} did not answer within {} s: is it running, or stopped by a debugger or SIGSTOP?",
-        settings.instance,
-        DEADLINE.as_secs()
-    )))
+fn enabled_text(response: &ResponseSample) -> &'static str {
+    if response.enabled == 1 { "enabled" } else { "disabled" }
+}
+
+fn coordinates(values: &[f64; 3]) -> String {
+    values.map(|value| format!("{value:.4}")).join(" ")
 }
 
 fn json_of(response: &ResponseSample) -> serde_json::Value {
@@ -140,6 +100,13 @@ fn json_of(response: &ResponseSample) -> serde_json::Value {
         "compute_time_ns": response.compute_time_ns,
         "uptime_ns": response.uptime_ns,
         "wrench": response.wrench,
+        "wrench_bias": response.wrench_bias,
+        "force_limit": response.force_limit,
+        "law": Law::from_code(response.law).map(Law::name),
+        "enabled": response.enabled == 1,
+        "normal_stiffness_n_m": response.normal_stiffness_n_m,
+        "surface_normal": response.surface_normal,
+        "contact_point_m": response.contact_point,
         "velocity_offset": response.velocity_offset,
     })
 }

@@ -1,0 +1,213 @@
+//! Requests that change a value in force: tare, force limit, environment, law. Each within bounds of `[requests]`; the new
+//! controller is built and checked here, and handed over as a whole.
+
+use admittance_core::mode::Mode;
+use admittance_host::config::Section as _;
+use ipc_types::{Law, Mode as WireMode, REQUEST_VALUES, RequestSample, TASK_AXES};
+use nalgebra::Vector3;
+
+use super::{Answered, Refusal};
+use crate::channel::{Answer, Order, OrderError, Replacement};
+use crate::config::{Config, ContactPointName, LawName};
+use crate::cycle;
+use crate::service_thread::ServiceThread;
+use crate::settings::{AXES, Settings, point, unit};
+use crate::tare;
+
+/// Where values of an environment are in a request.
+const STIFFNESS: usize = 0;
+const NORMAL: usize = 1;
+const CONTACT_POINT: usize = 4;
+
+impl ServiceThread {
+    pub(super) fn set_force_limit(&mut self, request: &RequestSample, until: u64) -> Answered {
+        let requests = &self.config.requests;
+        let (Some(min), Some(max)) = (&requests.force_limit_min, &requests.force_limit_max) else {
+            return not_allowed("requests.force_limit_min and requests.force_limit_max");
+        };
+        let mut settings = Settings::of(&self.config);
+        let mut any = false;
+        for (axis, value) in given(request) {
+            let (Some(min), Some(max)) = (min.get(axis), max.get(axis)) else {
+                let axes = AXES[..min.len()].join(" ");
+                let name = AXES.get(axis).unwrap_or(&"the last");
+                return Err(Refusal::Refused(format!("axis {name} is none of this arm's; accepted: {axes}")));
+            };
+            if !(*min..=*max).contains(&value) {
+                let unit = unit(axis);
+                return Err(Refusal::Refused(format!(
+                    "force limit {} = {value} {unit}; accepted: {min} to {max} {unit} (requests.force_limit_min, _max)",
+                    AXES[axis]
+                )));
+            }
+            settings.force_limit[axis] = value;
+            any = true;
+        }
+        if !any {
+            return Err(Refusal::Refused("no axis is given; accepted: a value for one axis or more".to_owned()));
+        }
+        self.change(&settings, Replacement::ForceLimit, until)
+    }
+
+    pub(super) fn set_environment(&mut self, request: &RequestSample, until: u64) -> Answered {
+        let (requests, file) = (&self.config.requests, &self.file.environment);
+        let mut settings = Settings::of(&self.config);
+        let (normal, contact_point) = (vector(request, NORMAL)?, vector(request, CONTACT_POINT)?);
+        let stiffness = given(request).find(|(index, _)| *index == STIFFNESS);
+        if normal.is_none() && contact_point.is_none() && stiffness.is_none() {
+            let accepted = "accepted: a stiffness, a surface normal, a contact point, or several of them";
+            return Err(Refusal::Refused(format!("nothing is given; {accepted}")));
+        }
+        if let Some((_, value)) = stiffness {
+            let (Some(min), Some(max)) = (requests.normal_stiffness_min_n_m, requests.normal_stiffness_max_n_m) else {
+                return not_allowed("requests.normal_stiffness_min_n_m and requests.normal_stiffness_max_n_m");
+            };
+            if !(min..=max).contains(&value) {
+                let bounds = "(requests.normal_stiffness_min_n_m, _max_n_m)";
+                return Err(Refusal::Refused(format!(
+                    "stiffness = {value} N/m; accepted: {min} to {max} N/m {bounds}"
+                )));
+            }
+            settings.normal_stiffness = value;
+        }
+        if let Some(normal) = normal {
+            let Some(accepted) = requests.surface_normal_angle_rad else {
+                return not_allowed("requests.surface_normal_angle_rad");
+            };
+            let Some(unit) =
+                Vector3::from(normal).try_normalize(1e-6).filter(|unit| unit.iter().all(|n| n.is_finite()))
+            else {
+                return Err(Refusal::Refused(format!(
+                    "surface normal = {}; accepted: a vector that is not zero",
+                    point(&normal)
+                )));
+            };
+            let angle = Vector3::from(file.surface_normal).angle(&unit);
+            if !(0.0..=accepted).contains(&angle) {
+                return Err(Refusal::Refused(format!(
+                    "surface normal = {} is {angle:.4} rad from the file's {}; accepted: at most {accepted} rad \
+                     (requests.surface_normal_angle_rad)",
+                    point(&normal),
+                    point(&file.surface_normal)
+                )));
+            }
+            settings.surface_normal = unit.into();
+        }
+        if let Some(place) = contact_point {
+            let Some(accepted) = requests.contact_point_distance_m else {
+                return not_allowed("requests.contact_point_distance_m");
+            };
+            let known = file.contact_point_m.filter(|_| file.contact == ContactPointName::Configured);
+            let Some(known) = known else {
+                let text =
+                    "the contact point is detected, not given; accepted with environment.contact = \"configured\"";
+                return Err(Refusal::Refused(text.to_owned()));
+            };
+            let distance = (Vector3::from(place) - Vector3::from(known)).norm();
+            if !(0.0..=accepted).contains(&distance) {
+                return Err(Refusal::Refused(format!(
+                    "contact point = {} m is {distance:.4} m from the file's {}; accepted: at most {accepted} m \
+                     (requests.contact_point_distance_m)",
+                    point(&place),
+                    point(&known)
+                )));
+            }
+            settings.contact_point = Some(place);
+        }
+        self.change(&settings, Replacement::Behaviour, until)
+    }
+
+    pub(super) fn set_law(&mut self, request: &RequestSample, until: u64) -> Answered {
+        if !self.config.requests.law {
+            return not_allowed("requests.law = true");
+        }
+        let law = match Law::from_code(request.law) {
+            Some(Law::Mpc) => LawName::Mpc,
+            Some(Law::Damping) => LawName::Damping,
+            None => {
+                return Err(Refusal::Refused(format!(
+                    "law {} is not known; accepted: 1 (Mpc), 2 (Damping)",
+                    request.law
+                )));
+            }
+        };
+        let settings = Settings { law, ..Settings::of(&self.config) };
+        self.change(&settings, Replacement::Behaviour, until)
+    }
+
+    pub(super) fn tare(&mut self, until: u64) -> Answered {
+        let Some(largest) = self.config.requests.tare_bias_max else {
+            return not_allowed("requests.tare_bias_max");
+        };
+        let is_free = self.last.as_ref().is_some_and(|last| last.sample.command.mode == WireMode::Free.code());
+        if let Some(why) = Replacement::Bias.refused_in(Mode::Idle).filter(|_| !is_free) {
+            return Err(Refusal::Refused(why.to_owned()));
+        }
+        let bias = self.free.bias(&self.config)?;
+        if let Some(index) = (0..TASK_AXES).find(|index| bias[*index].abs() > largest[*index]) {
+            let unit = unit(index);
+            return Err(Refusal::Refused(format!(
+                "the bias on {} would be {:.3} {unit}; accepted: at most {} {unit} (requests.tare_bias_max): is the tool free, and \
+                 its weight configured?",
+                AXES[index], bias[index], largest[index]
+            )));
+        }
+        let settings = Settings { bias, ..Settings::of(&self.config) };
+        let changes = self.change(&settings, Replacement::Bias, until)?;
+        Ok(format!("{changes}; the mean of {} samples", tare::SAMPLES))
+    }
+
+    /// Hands over a controller with other settings. What changed.
+    fn change(&mut self, settings: &Settings, kind: Replacement, until: u64) -> Answered {
+        let changes = Settings::of(&self.config).changes(settings);
+        if changes.is_empty() {
+            return Ok("nothing changed: these are the values in force".to_owned());
+        }
+        let mut new = self.config.clone();
+        settings.apply(&mut new);
+        let mut errors = Vec::new();
+        new.check("", &mut errors);
+        if !errors.is_empty() {
+            let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
+            return Err(Refusal::Refused(errors.join("; ")));
+        }
+        self.hand_over(new, kind, until)?;
+        Ok(changes.join(", "))
+    }
+
+    /// Builds the controller of a configuration, and puts it in the place of the one in force.
+    pub(super) fn hand_over(&mut self, config: Config, kind: Replacement, until: u64) -> Result<(), Refusal> {
+        let new = cycle::build(&config)?;
+        let Answer::Replaced { unused, refused } = self.channel.order(Order::Replace { new, kind }, until)? else {
+            return Err(OrderError::Late.into());
+        };
+        drop(unused);
+        if let Some(why) = refused {
+            return Err(Refusal::Refused(format!("{why}; the values in force stay")));
+        }
+        self.diagnostics.configure(&config);
+        self.config = config;
+        Ok(())
+    }
+}
+
+fn not_allowed(keys: &str) -> Answered {
+    Err(Refusal::Refused(format!("the configuration does not allow it; accepted with {keys}")))
+}
+
+/// Index and value of what a request gives.
+fn given(request: &RequestSample) -> impl Iterator<Item = (usize, f64)> {
+    (0..REQUEST_VALUES).filter(|index| request.given & (1 << index) != 0).map(|index| (index, request.values[index]))
+}
+
+/// Three values of a request from `first` on; all of them, or none.
+fn vector(request: &RequestSample, first: usize) -> Result<Option<[f64; 3]>, Refusal> {
+    match (request.given >> first) & 0b111 {
+        0 => Ok(None),
+        0b111 => Ok(Some(std::array::from_fn(|index| request.values[first + index]))),
+        mask => {
+            let found = mask.count_ones();
+            Err(Refusal::Refused(format!("{found} of the coordinates x y z are given; accepted: all three, or none")))
+        }
+    }
+}

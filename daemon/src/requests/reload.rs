@@ -1,0 +1,42 @@
+//! Reading the configuration file again: on SIGHUP and on request. The file then holds: what requests have changed is dropped,
+//! and the answer says from what to what.
+
+use admittance_host::config;
+
+use super::{Answered, Refusal};
+use crate::channel::Replacement;
+use crate::config::{Config, Control};
+use crate::service_thread::ServiceThread;
+use crate::settings::Settings;
+
+impl ServiceThread {
+    /// Hands a new controller over, if only what may change at run time has changed.
+    pub(crate) fn reload(&mut self, until: u64) -> Answered {
+        let new: Config = config::load(&self.config_path).map_err(|error| error.to_string())?;
+        if new == self.config {
+            self.file = new;
+            return Ok("nothing has changed".to_owned());
+        }
+        // The law is what a request may change too.
+        let control = Control { law: self.config.control.law, ..new.control.clone() };
+        let fixed = [
+            ("ipc", new.ipc == self.config.ipc),
+            ("robot", new.robot == self.config.robot),
+            ("control", control == self.config.control),
+            ("realtime", new.realtime == self.config.realtime),
+        ];
+        let changed: Vec<&str> = fixed.iter().filter(|(_, same)| !same).map(|(section, _)| *section).collect();
+        if !changed.is_empty() {
+            return Err(Refusal::Refused(format!(
+                "[{}] cannot change at run time: restart for that; control.law, wrench, contact, environment, mpc, damping, limits, \
+                 stopping and requests can",
+                changed.join("], [")
+            )));
+        }
+        let changes = Settings::of(&self.config).changes(&Settings::of(&new));
+        self.hand_over(new.clone(), Replacement::Reload, until)?;
+        self.file = new;
+        let what = if changes.is_empty() { String::new() } else { format!(": {}", changes.join(", ")) };
+        Ok(format!("the new configuration is in force{what}"))
+    }
+}
