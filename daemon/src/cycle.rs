@@ -155,8 +155,20 @@ impl<const N: usize, const D: usize> ArmCycle<N, D> {
         self.conditioning.wrench(&state.wrench.into(), &orientation)
     }
 
-    fn write(&mut self, outcome: &Outcome<N, D>, stamp: u64, command: &mut CommandSample) -> CycleReport {
+    /// `planned_at`: the instant from which the plan counts; `stamp`: from which the command is valid; ns both.
+    fn write(
+        &mut self,
+        outcome: &Outcome<N, D>,
+        planned_at: u64,
+        stamp: u64,
+        command: &mut CommandSample,
+    ) -> CycleReport {
         wire::write_outcome(command, outcome, &self.controller);
+        // On the wire the plan counts from the sample that the command names, which may be long gone.
+        let since = planned_at.saturating_sub(command.state_stamp_ns);
+        for end in &mut command.plan_end_ns[..command.plan_length as usize] {
+            *end = end.saturating_add(since);
+        }
         command.valid_until_ns = stamp.saturating_add(self.command_delay).saturating_add(self.controller.validity());
         CycleReport {
             fault: outcome.fault,
@@ -185,7 +197,8 @@ impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
         command.state_sequence = state.sequence;
         command.state_stamp_ns = state.stamp_ns;
         // A stamp that is not to be trusted must not make a command valid for ever.
-        let mut report = self.write(&outcome, state.stamp_ns.min(now), command);
+        let planned_at = if outcome.fault.is_some() { now } else { state.stamp_ns };
+        let mut report = self.write(&outcome, planned_at, state.stamp_ns.min(now), command);
         if report.fault.is_none() {
             report.wrench = wire::padded(wrench.as_slice());
         }
@@ -194,7 +207,7 @@ impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
 
     fn silence(&mut self, now: u64, command: &mut CommandSample) -> CycleReport {
         let outcome = self.controller.step(Event::Silence, now, &mut || false);
-        self.write(&outcome, now, command)
+        self.write(&outcome, now, now, command)
     }
 
     fn request_stop(&mut self, reason: StopReason) {

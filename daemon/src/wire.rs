@@ -109,6 +109,7 @@ pub(crate) fn fault(fault: Option<&SampleFault>) -> ipc_types::Fault {
         Some(SampleFault::Stale { .. }) => ipc_types::Fault::Stale,
         Some(SampleFault::FromFuture { .. }) => ipc_types::Fault::FromFuture,
         Some(SampleFault::OutOfOrder { .. }) => ipc_types::Fault::OutOfOrder,
+        Some(SampleFault::Jump { .. }) => ipc_types::Fault::Jump,
         Some(SampleFault::Silence) => ipc_types::Fault::Silence,
     }
 }

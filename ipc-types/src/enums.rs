@@ -59,7 +59,7 @@ wire_enum! {
         Infeasible = 1 "The force limits could no longer be met.";
         StartedInContact = 2 "The first valid sample was already in contact.";
         SampleStale = 3 "State samples were older than the accepted age, or stopped.";
-        SampleInvalid = 4 "State samples were not finite, out of range, out of order or from the future.";
+        SampleInvalid = 4 "State samples were not finite, out of range, out of order, from the future, or jumped in position.";
         JointCount = 5 "The state sample's joint count is not the configured robot's.";
         Singular = 6 "The Jacobian is not invertible at the measured pose.";
         RateMismatch = 7 "State samples do not arrive at the configured sampling time.";
@@ -134,6 +134,7 @@ wire_enum! {
         OutOfOrder = 7 "Its sequence or stamp does not follow the last accepted one's.";
         Silence = 8 "There was none.";
         WrenchSaturated = 9 "Its wrench is at the end of the sensor's range.";
+        Jump = 10 "A joint is not where it can have moved since the sample before.";
     }
 }
 

@@ -1,47 +1,63 @@
 //! Faults of the motion controller that a scenario scripts: what reaches the daemon while each one lasts.
 
+use admittance_host::config_enum;
 use ipc_types::StateSample;
 
-/// What goes wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FaultKind {
-    /// State samples are not published; the plant goes on.
-    Drop,
-    /// The last state sample is published again and again, with its old stamp and sequence.
-    Freeze,
-    /// The first sample is published in place of the last one, with its own stamp and sequence, and none in between: over k + 1
-    /// samples, one that is late by k periods.
-    Late,
-    /// The wrench is not a number although the sample calls it valid.
-    NanWrench,
-    /// The wrench is flagged as not valid, and zero.
-    WrenchInvalid,
-    /// The drives are disabled: the joints are braked, the command does not advance, and the sample says so.
-    DrivesDisabled,
-    /// The sample claims one joint more than the robot has.
-    JointCount,
-    /// The plant sees no commands.
-    CommandLoss,
-}
-
-impl FaultKind {
-    /// Every kind with its name in a scenario.
-    pub const ALL: [(Self, &'static str); 8] = [
-        (Self::Drop, "drop"),
-        (Self::Freeze, "freeze"),
-        (Self::Late, "late"),
-        (Self::NanWrench, "nan_wrench"),
-        (Self::WrenchInvalid, "wrench_invalid"),
-        (Self::DrivesDisabled, "drives_disabled"),
-        (Self::JointCount, "joint_count"),
-        (Self::CommandLoss, "command_loss"),
-    ];
-
-    /// The kind of that name in a scenario.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(_, known)| *known == name).map(|(kind, _)| *kind)
+config_enum! {
+    /// What goes wrong.
+    pub enum FaultKind {
+        /// State samples are not published; the plant goes on.
+        Drop = "drop",
+        /// The last state sample is published again and again, with its old stamp and sequence.
+        Freeze = "freeze",
+        /// The first sample is published in place of the last one, with its own stamp and sequence, and none in between: over
+        /// k + 1 samples, one that is late by k periods.
+        Late = "late",
+        /// The stamp is a second old; the sequence goes on.
+        Stale = "stale",
+        /// The stamp is a second ahead; the sequence goes on.
+        FromFuture = "from_future",
+        /// The sequence counts down.
+        OutOfOrder = "out_of_order",
+        /// The second joint is 0.1 rad from where it is.
+        PositionJump = "position_jump",
+        /// The second joint position is not a number.
+        NanJointPosition = "nan_joint_position",
+        /// The second joint velocity is not a number.
+        NanJointVelocity = "nan_joint_velocity",
+        /// The second commanded joint position is not a number.
+        NanJointPositionReference = "nan_joint_position_reference",
+        /// The commanded TCP velocity on y is not a number.
+        NanTwistReference = "nan_twist_reference",
+        /// The wrench on y is not a number although the sample calls it valid.
+        NanWrench = "nan_wrench",
+        /// The second joint position is infinite.
+        InfJointPosition = "inf_joint_position",
+        /// The second joint velocity is infinite.
+        InfJointVelocity = "inf_joint_velocity",
+        /// The second commanded joint position is infinite.
+        InfJointPositionReference = "inf_joint_position_reference",
+        /// The commanded TCP velocity on y is minus infinite.
+        InfTwistReference = "inf_twist_reference",
+        /// The wrench on y is minus infinite although the sample calls it valid.
+        InfWrench = "inf_wrench",
+        /// The wrench is flagged as not valid, and zero.
+        WrenchInvalid = "wrench_invalid",
+        /// The drives are disabled: the joints are braked, the command does not advance, and the sample says so.
+        DrivesDisabled = "drives_disabled",
+        /// The sample claims one joint more than the robot has.
+        JointCount = "joint_count",
+        /// The plant sees no commands.
+        CommandLoss = "command_loss",
     }
 }
+
+/// By how much a stamp is off, ns.
+const OFF_NS: u64 = 1_000_000_000;
+/// By how much a joint position is off, rad.
+const JUMP_RAD: f64 = 0.1;
+/// The element of an array that is spoiled: not the first, which alone is easily looked at.
+const SPOILED: usize = 1;
 
 /// One scripted fault, in samples counted from the start of the motion (negative: before it).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,7 +102,23 @@ impl Faults {
     pub fn falsify(&self, sample: &mut StateSample, index: i64) {
         for fault in self.0.iter().filter(|fault| (fault.first..fault.end).contains(&index)) {
             match fault.kind {
-                FaultKind::NanWrench => sample.wrench.fill(f64::NAN),
+                FaultKind::Stale => sample.stamp_ns = sample.stamp_ns.saturating_sub(OFF_NS),
+                FaultKind::FromFuture => sample.stamp_ns = sample.stamp_ns.saturating_add(OFF_NS),
+                FaultKind::OutOfOrder => {
+                    let spoiled = index.abs_diff(fault.first) + 1;
+                    sample.sequence = sample.sequence.saturating_sub(2 * spoiled).max(1);
+                }
+                FaultKind::PositionJump => sample.joint_position[SPOILED] += JUMP_RAD,
+                FaultKind::NanJointPosition => sample.joint_position[SPOILED] = f64::NAN,
+                FaultKind::NanJointVelocity => sample.joint_velocity[SPOILED] = f64::NAN,
+                FaultKind::NanJointPositionReference => sample.joint_position_reference[SPOILED] = f64::NAN,
+                FaultKind::NanTwistReference => sample.twist_reference[SPOILED] = f64::NAN,
+                FaultKind::NanWrench => sample.wrench[SPOILED] = f64::NAN,
+                FaultKind::InfJointPosition => sample.joint_position[SPOILED] = f64::INFINITY,
+                FaultKind::InfJointVelocity => sample.joint_velocity[SPOILED] = f64::INFINITY,
+                FaultKind::InfJointPositionReference => sample.joint_position_reference[SPOILED] = f64::INFINITY,
+                FaultKind::InfTwistReference => sample.twist_reference[SPOILED] = f64::NEG_INFINITY,
+                FaultKind::InfWrench => sample.wrench[SPOILED] = f64::NEG_INFINITY,
                 FaultKind::WrenchInvalid => {
                     sample.wrench_valid = 0;
                     sample.wrench.fill(0.0);
@@ -101,6 +133,8 @@ impl Faults {
 
 #[cfg(test)]
 mod tests {
+    use ipc_types::layout::WireType;
+
     use super::*;
 
     #[test]
@@ -115,7 +149,7 @@ mod tests {
             let mut sample =
                 StateSample { joint_count: 2, wrench_valid: 1, drives_enabled: 1, ..StateSample::zeroed() };
             faults.falsify(&mut sample, index);
-            (sample.wrench[1].is_nan(), sample.joint_count, sample.drives_enabled)
+            (sample.wrench[SPOILED].is_nan(), sample.joint_count, sample.drives_enabled)
         };
         assert_eq!(at(-3), (false, 2, 1));
         assert_eq!(at(-2), (false, 2, 0));
@@ -131,5 +165,42 @@ mod tests {
         let faults = Faults::new(vec![Fault { kind: FaultKind::Late, first: 4, end: 7 }]);
         let seen: Vec<(bool, bool)> = (3..8).map(|index| (faults.publishes(index), faults.repeats(index))).collect();
         assert_eq!(seen, [(true, false), (false, false), (false, true), (true, true), (true, false)]);
+    }
+
+    #[test]
+    fn each_kind_spoils_its_own_field_and_nothing_else() {
+        let sound = StateSample {
+            sequence: 10,
+            stamp_ns: 5_000_000_000,
+            joint_count: 2,
+            wrench_valid: 1,
+            drives_enabled: 1,
+            wrench: [1.0; 6],
+            ..StateSample::zeroed()
+        };
+        for kind in FaultKind::ALL {
+            let mut sample = sound;
+            Faults::new(vec![Fault { kind: *kind, first: 0, end: 1 }]).falsify(&mut sample, 0);
+            let (json, before) = (sample.to_json(), sound.to_json());
+            let fields = json.as_object().expect("an object");
+            let spoiled: Vec<&str> = fields
+                .iter()
+                .filter(|(field, value)| before[field.as_str()] != **value)
+                .map(|(f, _)| f.as_str())
+                .collect();
+            let expected: &[&str] = match kind.name() {
+                "drop" | "freeze" | "late" | "command_loss" => &[],
+                "stale" | "from_future" => &["stamp_ns"],
+                "out_of_order" => &["sequence"],
+                "position_jump" => &["joint_position"],
+                "wrench_invalid" => &["wrench", "wrench_valid"],
+                "drives_disabled" => &["drives_enabled"],
+                "joint_count" => &["joint_count"],
+                other => &[other.split_once('_').expect("nan_ or inf_ and the field").1],
+            };
+            let mut spoiled = spoiled;
+            spoiled.sort_unstable();
+            assert_eq!(spoiled, expected, "{kind}");
+        }
     }
 }

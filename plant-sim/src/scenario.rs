@@ -1,10 +1,10 @@
 //! Scenario files: the arm, the surface, the sensors, the commanded motion and the faults of one run.
 
 use admittance_host::config::ConfigError;
+use admittance_host::config_section;
 use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
 use admittance_host::robot_description::RobotDescription;
-use admittance_host::{config_enum, config_section};
 
 use crate::faults::FaultKind;
 
@@ -125,43 +125,6 @@ config_section! {
     }
 }
 
-config_enum! {
-    /// What goes wrong.
-    pub enum FaultName {
-        /// State samples are not published.
-        Drop = "drop",
-        /// The last sample is published again and again.
-        Freeze = "freeze",
-        /// The first sample is published in place of the last one; none in between.
-        Late = "late",
-        /// The wrench is not a number.
-        NanWrench = "nan_wrench",
-        /// The wrench is flagged as invalid.
-        WrenchInvalid = "wrench_invalid",
-        /// The drives are disabled.
-        DrivesDisabled = "drives_disabled",
-        /// The sample claims one joint more.
-        JointCount = "joint_count",
-        /// The plant sees no commands.
-        CommandLoss = "command_loss",
-    }
-}
-
-impl FaultName {
-    pub(crate) fn kind(self) -> FaultKind {
-        match self {
-            Self::Drop => FaultKind::Drop,
-            Self::Freeze => FaultKind::Freeze,
-            Self::Late => FaultKind::Late,
-            Self::NanWrench => FaultKind::NanWrench,
-            Self::WrenchInvalid => FaultKind::WrenchInvalid,
-            Self::DrivesDisabled => FaultKind::DrivesDisabled,
-            Self::JointCount => FaultKind::JointCount,
-            Self::CommandLoss => FaultKind::CommandLoss,
-        }
-    }
-}
-
 config_section! {
     /// A scripted fault.
     pub struct FaultSection {
@@ -170,7 +133,7 @@ config_section! {
         /// How long.
         duration_s: f64, unit "s", range 0.0..=3600.0;
         /// What.
-        kind: FaultName;
+        kind: FaultKind;
     }
 }
 

@@ -116,7 +116,7 @@ pub fn plant<const N: usize, const D: usize>(
                 .fault
                 .iter()
                 .map(|fault| Fault {
-                    kind: fault.kind.kind(),
+                    kind: fault.kind,
                     first: in_samples(fault.at_s),
                     end: in_samples(fault.at_s + fault.duration_s),
                 })

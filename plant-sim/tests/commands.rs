@@ -313,7 +313,7 @@ fn faults_change_what_is_published_only() {
             Some(state) => {
                 newest = state.sequence;
                 assert_eq!(state.stamp_ns, run.now_ns());
-                *seen.entry("nan_wrench").or_default() += u32::from(state.wrench[0].is_nan());
+                *seen.entry("nan_wrench").or_default() += u32::from(state.wrench[1].is_nan());
                 *seen.entry("wrench_invalid").or_default() += u32::from(state.wrench_valid == 0);
                 *seen.entry("joint_count").or_default() += u32::from(state.joint_count == 3);
                 *seen.entry("drives_disabled").or_default() += u32::from(state.drives_enabled == 0);

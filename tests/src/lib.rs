@@ -7,6 +7,7 @@
 mod binaries;
 mod child;
 pub mod closed_loop;
+pub mod fault_matrix;
 mod needs;
 mod private_ipc;
 pub mod session;

@@ -126,7 +126,7 @@ fn sigint_in_free_motion_ends_at_once_and_the_controller_stops_by_itself() {
 #[test]
 fn samples_that_may_not_reach_the_law_stop_the_arm_with_their_reason() {
     for (kind, reason) in [
-        ("nan_wrench", "wrench[0] is not finite"),
+        ("nan_wrench", "wrench[1] is not finite"),
         ("wrench_invalid", "wrench_valid = 0"),
         ("joint_count", "joint_count = 3"),
         ("freeze", "SampleStale"),

@@ -9,6 +9,7 @@ use crate::detection::Detection;
 use crate::feasibility::Verdict;
 use crate::guards::Expected;
 use crate::horizon::Horizon;
+use crate::jump::PositionTrack;
 use crate::mode::{Mode, StopReason, Transition};
 use crate::optimization::Optimized;
 use crate::outcome::{Counters, Motion, Outcome, Source};
@@ -58,6 +59,7 @@ pub struct Controller<const N: usize, const D: usize, S, B> {
     catching_up: bool,
     pub(crate) mode: Mode,
     pub(crate) history: SampleHistory,
+    pub(crate) track: PositionTrack<N>,
     pub(crate) last: Option<Sample<N, D>>,
     pub(crate) stop_reason: Option<StopReason>,
     /// Stamp at which stopping began, ns.
@@ -106,6 +108,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             catching_up: false,
             mode: Mode::Idle,
             history: SampleHistory::new(),
+            track: PositionTrack::new(),
             last: None,
             stopping_since: 0,
             requested: None,
@@ -164,7 +167,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         if self.parameters.contact_point != ContactPoint::Configured {
             self.parameters.environment.contact = old.parameters.environment.contact;
         }
-        (self.history, self.last, self.counters) = (old.history, old.last, old.counters);
+        (self.history, self.track, self.last) = (old.history, old.track, old.last);
+        self.counters = old.counters;
         (self.stop_reason, self.stopping_since, self.singular) = (old.stop_reason, old.stopping_since, old.singular);
         (self.enabled, self.requested, self.unsolved) = (old.enabled, old.requested, old.unsolved);
         self.catching_up = true;
@@ -180,7 +184,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     pub fn step(&mut self, event: Event<'_, N, D>, now: u64, expired: &mut dyn FnMut() -> bool) -> Outcome<N, D> {
         self.counters.cycles += 1;
         let (outcome, stamp) = match event {
-            Event::Sample(sample) => match self.history.check(sample, now, &self.parameters.timing) {
+            Event::Sample(sample) => match self.check(sample, now) {
                 Ok(()) => (self.on_sample(sample, expired), sample.stamp),
                 Err(fault) => (self.on_fault(fault, now), now),
             },
@@ -189,6 +193,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let offset = (outcome.motion == Motion::Offset).then_some(outcome.velocity_offset);
         self.under_way.push(stamp.saturating_add(nanoseconds(self.parameters.timing.command_delay)), offset);
         outcome
+    }
+
+    fn check(&mut self, sample: &Sample<N, D>, now: u64) -> Result<(), SampleFault> {
+        self.history.check(sample, now, &self.parameters.timing)?;
+        self.track.follow(sample, self.parameters.limits.joint_speed.as_ref())
     }
 
     fn on_sample(&mut self, sample: &Sample<N, D>, expired: &mut dyn FnMut() -> bool) -> Outcome<N, D> {
@@ -365,9 +374,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let optimized = self.optimize_stop(sample, pose, expired);
         let mut outcome = self.outcome(Source::MinimumForce);
         outcome.iterations = optimized.iterations();
-        if !matches!(optimized, Optimized::Planned { .. }) {
+        if matches!(optimized, Optimized::Planned { .. }) {
+            self.unsolved = 0;
+        } else {
+            self.unsolved += 1;
             outcome.expired_at = matches!(optimized, Optimized::Expired { .. }).then_some(optimized.iterations());
-            outcome.source = self.fall_back(sample);
+            outcome.source = self.fall_back_while_stopping(sample);
         }
         self.finish(outcome, sample, pose)
     }

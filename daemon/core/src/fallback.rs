@@ -59,6 +59,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
                 self.hold(now)
             }
         };
+        if matches!(self.mode, Mode::Idle | Mode::Stopped) {
+            self.track.forget();
+        }
         outcome.fault = Some(fault);
         outcome
     }
@@ -73,6 +76,19 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// Twist that leaves the surface at the retreat speed, as an offset to the last ṗ0.
     fn open_loop_retreat(&self, twist_reference: &SVector<f64, D>) -> SVector<f64, D> {
         self.parameters.environment.normal * self.parameters.stopping.retreat_speed - twist_reference
+    }
+
+    /// [`Self::fall_back`] of a stop: one that stays without a solution leaves the surface open loop, since held on the spring it would
+    /// never come to a low force.
+    pub(crate) fn fall_back_while_stopping(&mut self, sample: &Sample<N, D>) -> Source {
+        let is_exhausted = self.unsolved > self.parameters.timing.max_consecutive_fallbacks;
+        let out = self.open_loop_retreat(&sample.twist_reference);
+        if (self.planned && !is_exhausted) || !self.within_limits(&out) {
+            return self.fall_back(sample);
+        }
+        self.counters.fallback += 1;
+        self.set_plan(sample.stamp, out);
+        Source::Retreat
     }
 
     /// The best offset there is without a solution: the last plan's for this instant; without a plan, what takes the

@@ -40,6 +40,7 @@ mod fallback;
 pub mod feasibility;
 mod guards;
 pub mod horizon;
+mod jump;
 pub mod mode;
 pub mod model;
 mod optimization;

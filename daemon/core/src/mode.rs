@@ -71,7 +71,8 @@ pub enum StopReason {
     StartedInContact,
     /// No fresh sample for too long.
     SampleStale,
-    /// Samples that may not reach the law: not finite or implausibly large, from the future, out of order, or their wrench marked invalid.
+    /// Samples that may not reach the law: not finite or implausibly large, from the future, out of order, with a jump in position, or their
+    /// wrench marked invalid.
     SampleInvalid,
     /// Samples with another number of joints than configured.
     JointCount,

@@ -110,6 +110,15 @@ pub enum SampleFault {
         /// The last accepted one.
         last: u64,
     },
+    /// A joint is not where it can have moved since the sample before.
+    Jump {
+        /// The joint, from 0.
+        joint: usize,
+        /// By how much it is off, in rad.
+        off: f64,
+        /// The most that it can have moved, in rad.
+        most: f64,
+    },
     /// There was no sample at all for longer than allowed.
     Silence,
 }
@@ -135,6 +144,11 @@ impl core::fmt::Display for SampleFault {
             Self::OutOfOrder { sequence, last } => {
                 write!(f, "sequence {sequence} or its stamp does not follow the last accepted sample {last}")
             }
+            Self::Jump { joint, off, most } => write!(
+                f,
+                "joint_position[{joint}] jumped by {off:.4} rad, accepted: at most {most:.4} rad since the sample before (twice \
+                 limits.joint_speed_rad_s, 20 rad/s without it)"
+            ),
             Self::Silence => f.write_str("no sample for longer than max_sample_age_s"),
         }
     }

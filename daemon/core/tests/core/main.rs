@@ -6,6 +6,7 @@ mod condensation;
 mod constraint_rows;
 mod contact_plan_mode;
 mod controller;
+mod jump;
 mod kinematics;
 mod model;
 mod requests;

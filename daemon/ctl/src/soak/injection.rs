@@ -18,7 +18,7 @@ pub(crate) const STANDS_S: f64 = 0.4;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fault {
     /// A fault that the plant plays from its scenario.
-    Scripted(&'static str),
+    Scripted(FaultKind),
     /// SIGSTOP of the daemon, then SIGCONT.
     DaemonStopped,
     /// SIGKILL of the daemon; it is started again.
@@ -36,7 +36,7 @@ pub(crate) enum Fault {
 impl Fault {
     /// Every kind.
     pub(crate) fn all() -> Vec<Self> {
-        let scripted = FaultKind::ALL.iter().map(|(_, name)| Self::Scripted(name));
+        let scripted = FaultKind::ALL.iter().map(|kind| Self::Scripted(*kind));
         let processes = [
             Self::DaemonStopped,
             Self::DaemonKilled,
@@ -51,7 +51,7 @@ impl Fault {
     /// Its name in tables and JSON.
     pub(crate) fn name(self) -> &'static str {
         match self {
-            Self::Scripted(name) => name,
+            Self::Scripted(kind) => kind.name(),
             Self::DaemonStopped => "daemon_stopped",
             Self::DaemonKilled => "daemon_killed",
             Self::PlantStopped => "plant_stopped",

@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn a_fault_without_control_afterwards_is_lost() {
         let mut tally = Tally::default();
-        tally.injected(Fault::Scripted("drop"), true, (0, 1));
+        tally.injected(Fault::Scripted(plant_sim::faults::FaultKind::Drop), true, (0, 1));
         tally.observed(&[], 0, 1.0);
         assert_eq!(tally.json()["lost"], 1);
         assert!(!tally.is_clean());

@@ -79,11 +79,11 @@ fn scenario(touch: &Touch, fault: Option<Fault>) -> Done<String> {
         Value::Table(Table::from_iter([("duration_s".to_owned(), duration.into()), ("twist".to_owned(), twist)]))
     };
     table.insert("motion".to_owned(), Value::Array(phases.map(phase).to_vec()));
-    if let Some(Fault::Scripted(name)) = fault {
+    if let Some(Fault::Scripted(kind)) = fault {
         let fault = Table::from_iter([
             ("at_s".to_owned(), touch.at_s.into()),
             ("duration_s".to_owned(), touch.duration_s.into()),
-            ("kind".to_owned(), name.into()),
+            ("kind".to_owned(), kind.name().into()),
         ]);
         table.insert("fault".to_owned(), Value::Array(vec![Value::Table(fault)]));
     }

@@ -1,0 +1,184 @@
+//! Rows about the state samples: what plant-sim spoils on its way to the daemon.
+
+use ipc_types::StopReason;
+use plant_sim::faults::FaultKind;
+
+use super::row::{CONTACT, Counter, Expectation, FREE, Force, Injection, Robot, Row, Step, idle, stopped, stopping};
+use super::{by_daemon, row};
+
+/// Samples that don't reach the law: for `max_consecutive_fallbacks` cycles the last plan bridges them, then the arm stops.
+fn refused(name: &'static str, fault: &'static str, kind: FaultKind, reason: StopReason, log: &str) -> Row {
+    let stop = format!("Stopped: {}", reason.name());
+    Row {
+        fault,
+        injection: Injection::Scripted(kind),
+        ..row(
+            name,
+            Expectation {
+                robot: Robot::PlaysPlan,
+                command: vec![FREE, stopped(reason)],
+                counted: vec![Counter::Rejected],
+                log: by_daemon(&[log, &stop]),
+                recovery: vec![Step::FaultEnds, Step::Stand, Step::Reset],
+                ..Expectation::undisturbed(FREE)
+            },
+            Expectation {
+                robot: Robot::Retreats,
+                command: vec![CONTACT, stopping(reason), stopped(reason)],
+                counted: vec![Counter::Rejected, Counter::Fallback],
+                log: by_daemon(&[log, &stop]),
+                force: Force::PlanThenHold,
+                recovery: vec![Step::FaultEnds, Step::Retreat, Step::Reset],
+                ..Expectation::undisturbed(CONTACT)
+            },
+        )
+    }
+}
+
+/// The same where the motion controller can't take the answers either: they name a sample that it did not make, or are valid no
+/// longer.
+fn refused_unanswered(name: &'static str, fault: &'static str, kind: FaultKind, reason: StopReason, log: &str) -> Row {
+    let mut row = refused(name, fault, kind, reason, log);
+    row.contact.robot = Robot::PlaysPlan;
+    row
+}
+
+/// A value of a field that is not finite.
+fn not_finite(name: &'static str, fault: &'static str, kind: FaultKind, field: &str) -> Row {
+    refused(name, fault, kind, StopReason::SampleInvalid, &format!("{field}[1] is not finite"))
+}
+
+pub(super) fn rows() -> Vec<Row> {
+    use FaultKind as Kind;
+    use StopReason::{DrivesDisabled, JointCount, SampleInvalid, SampleStale};
+    let mut rows = vec![
+        refused_unanswered(
+            "sample_stale",
+            "State samples carry stamps that are a second old.",
+            Kind::Stale,
+            SampleStale,
+            "older than max_sample_age_s",
+        ),
+        refused_unanswered(
+            "sample_repeated",
+            "The motion controller publishes the same sample again and again.",
+            Kind::Freeze,
+            SampleStale,
+            "does not follow the last accepted sample",
+        ),
+        refused_unanswered(
+            "sample_out_of_order",
+            "The sequence of the state samples counts down.",
+            Kind::OutOfOrder,
+            SampleInvalid,
+            "does not follow the last accepted sample",
+        ),
+        refused_unanswered(
+            "sample_from_future",
+            "State samples are stamped a second ahead.",
+            Kind::FromFuture,
+            SampleInvalid,
+            "ahead of CLOCK_MONOTONIC",
+        ),
+        Row {
+            fault: "The motion controller publishes nothing for a while.",
+            injection: Injection::Scripted(Kind::Drop),
+            ..row(
+                "samples_missing",
+                Expectation {
+                    robot: Robot::GoesOnUncontrolled,
+                    command: vec![FREE, idle(SampleStale)],
+                    counted: vec![Counter::Rejected, Counter::Missed],
+                    log: by_daemon(&["Idle: SampleStale, no sample for longer than max_sample_age_s"]),
+                    recovery: vec![Step::FaultEnds],
+                    ..Expectation::undisturbed(FREE)
+                },
+                Expectation {
+                    robot: Robot::Retreats,
+                    command: vec![CONTACT, stopping(SampleStale), stopped(SampleStale)],
+                    counted: vec![Counter::Rejected, Counter::Missed, Counter::Fallback],
+                    log: by_daemon(&["Stopped: SampleStale, no sample for longer than max_sample_age_s"]),
+                    force: Force::PlanThenHold,
+                    recovery: vec![Step::FaultEnds, Step::Retreat, Step::Reset],
+                    ..Expectation::undisturbed(CONTACT)
+                },
+            )
+        },
+        refused(
+            "wrench_invalid",
+            "The motion controller flags its wrench as invalid, and sends zeros.",
+            Kind::WrenchInvalid,
+            SampleInvalid,
+            "wrench_valid = 0: the motion controller marks its wrench as invalid",
+        ),
+        refused(
+            "joint_count",
+            "State samples speak of one joint more than the robot has.",
+            Kind::JointCount,
+            JointCount,
+            "joint_count = 3: this daemon is configured for 2 joints",
+        ),
+        refused(
+            "position_jump",
+            "A joint position jumps by 0.1 rad, more than its speed allows, and stays there.",
+            Kind::PositionJump,
+            SampleInvalid,
+            "joint_position[1] jumped by ",
+        ),
+        Row {
+            fault: "The drives are disabled: the joints are braked.",
+            injection: Injection::Scripted(Kind::DrivesDisabled),
+            ..row(
+                "drives_disabled",
+                Expectation {
+                    robot: Robot::StandsStill,
+                    command: vec![FREE, idle(DrivesDisabled)],
+                    log: by_daemon(&["Idle: DrivesDisabled"]),
+                    recovery: vec![Step::FaultEnds],
+                    ..Expectation::undisturbed(FREE)
+                },
+                Expectation {
+                    robot: Robot::StandsStill,
+                    command: vec![CONTACT, stopped(DrivesDisabled)],
+                    log: by_daemon(&["Stopped: DrivesDisabled"]),
+                    force: Force::PlanThenHold,
+                    recovery: vec![Step::FaultEnds, Step::Retreat, Step::Reset],
+                    ..Expectation::undisturbed(CONTACT)
+                },
+            )
+        },
+    ];
+    rows.extend([
+        not_finite("nan_joint_position", "A joint position is NaN.", Kind::NanJointPosition, "joint_position"),
+        not_finite("nan_joint_velocity", "A joint velocity is NaN.", Kind::NanJointVelocity, "joint_velocity"),
+        not_finite(
+            "nan_joint_position_reference",
+            "A commanded joint position is NaN.",
+            Kind::NanJointPositionReference,
+            "joint_position_reference",
+        ),
+        not_finite(
+            "nan_twist_reference",
+            "The commanded TCP velocity is NaN on one axis.",
+            Kind::NanTwistReference,
+            "twist_reference",
+        ),
+        not_finite("nan_wrench", "The wrench is NaN on one axis.", Kind::NanWrench, "wrench"),
+        not_finite("inf_joint_position", "A joint position is infinite.", Kind::InfJointPosition, "joint_position"),
+        not_finite("inf_joint_velocity", "A joint velocity is infinite.", Kind::InfJointVelocity, "joint_velocity"),
+        not_finite(
+            "inf_joint_position_reference",
+            "A commanded joint position is infinite.",
+            Kind::InfJointPositionReference,
+            "joint_position_reference",
+        ),
+        not_finite(
+            "inf_twist_reference",
+            "The commanded TCP velocity is infinite on one axis.",
+            Kind::InfTwistReference,
+            "twist_reference",
+        ),
+        not_finite("inf_wrench", "The wrench is infinite on one axis.", Kind::InfWrench, "wrench"),
+    ]);
+    rows
+}

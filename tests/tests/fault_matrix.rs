@@ -1,0 +1,54 @@
+//! The fault matrix: one test per row and situation, named after both; and the page that is written from the same table.
+//!
+//! `cargo test --test fault_matrix nan_` runs some; `ADMITTANCE_WRITE_DOCS=1` writes `docs/faults.md`.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use end_to_end::fault_matrix::row::{Row, Situation};
+use end_to_end::fault_matrix::{page, rows, run};
+use libtest_mimic::{Arguments, Failed, Trial};
+
+/// Rows at a time: each is three real-time programs.
+const THREADS: usize = 2;
+
+fn main() -> ExitCode {
+    let mut arguments = Arguments::from_args();
+    arguments.test_threads.get_or_insert(THREADS);
+    let mut trials = vec![Trial::test("docs_page_is_up_to_date", docs_page), Trial::test("names_are_unique", names)];
+    for row in rows() {
+        trials.extend(Situation::ALL.map(|situation| trial(row.clone(), situation, arguments.nocapture)));
+    }
+    libtest_mimic::run(&arguments, trials).exit_code()
+}
+
+fn trial(row: Row, situation: Situation, is_told: bool) -> Trial {
+    let name = format!("{}::{}", row.name, situation.name());
+    Trial::test(name, move || {
+        let report = run(&row, situation);
+        if is_told {
+            println!("{report}");
+        }
+        Ok(())
+    })
+}
+
+fn docs_page() -> Result<(), Failed> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/faults.md");
+    let expected = page();
+    if std::env::var_os("ADMITTANCE_WRITE_DOCS").is_some() {
+        std::fs::write(&path, &expected)?;
+    }
+    if std::fs::read_to_string(&path)? != expected {
+        return Err("docs/faults.md is not what the table says: run with ADMITTANCE_WRITE_DOCS=1".into());
+    }
+    Ok(())
+}
+
+fn names() -> Result<(), Failed> {
+    let mut names: Vec<&str> = rows().iter().map(|row| row.name).collect();
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    if names.len() == count { Ok(()) } else { Err("two rows have one name".into()) }
+}
