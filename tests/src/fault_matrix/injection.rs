@@ -25,6 +25,8 @@ pub enum Injection {
     ReloadText(&'static str),
     /// The same with keys changed.
     ReloadKeys(&'static [Key]),
+    /// A request that the daemon carries out: words after `admittancectl`.
+    Request(&'static [&'static str]),
     /// It is there from the start: in the keys of the row.
     FromStart,
 }
@@ -96,6 +98,7 @@ impl fmt::Display for Injection {
                 write!(f, "the configuration is replaced by `{}`; SIGHUP to the daemon", text.replace('\n', " ⏎ "))
             }
             Self::ReloadKeys(keys) => write!(f, "{}; SIGHUP to the daemon", keys_sentence(keys)),
+            Self::Request(words) => write!(f, "`admittancectl {}`", words.join(" ")),
             Self::FromStart => f.write_str("from the start"),
         }
     }

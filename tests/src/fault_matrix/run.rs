@@ -13,7 +13,7 @@ use super::watch::{Seen, Watcher};
 use super::{DAEMON_KEYS, SCRIPTED_S, observe, recover};
 use crate::closed_loop::MPC_DEFAULT;
 use crate::session::{
-    PAPER_SCENARIO, TRIES, ctl_command, daemon_command, plant_command, start_daemon, with_keys, write,
+    PAPER_SCENARIO, TRIES, ctl_command, daemon_command, output, plant_command, start_daemon, with_keys, write,
 };
 use crate::{Child, Need, PATIENCE, PrivateIpc, needs};
 
@@ -286,6 +286,13 @@ impl<'a> Stage<'a> {
                 self.newcomer = Some(Child::spawn(&mut ctl_command(&self.ipc, "status", &self.config)));
             }
             Injection::Record(disk) => self.record(disk)?,
+            Injection::Request(words) => {
+                let mut command = ctl_command(&self.ipc, words[0], &self.config);
+                let (code, text) = output(command.args(&words[1..]));
+                if code != Some(0) {
+                    return Err(format!("{words:?} ends with {code:?}: {text}"));
+                }
+            }
             Injection::ReloadText(text) => {
                 write(&self.ipc, "daemon.toml", text);
                 self.reload()?;

@@ -6,7 +6,7 @@ use super::row::{
     CONTACT, Counter, Expectation, FREE, Force, Injection, Key, Robot, Row, Said, Step, Timeline, idle, stopped,
     stopping,
 };
-use super::{TIMELINE, by_daemon, row};
+use super::{LONG, TIMELINE, by_daemon, row};
 
 /// The model says something else than the arm feels: nothing happens before the touch.
 fn wrong_model(
@@ -51,7 +51,39 @@ fn files() -> Vec<Row> {
             ..row("configuration_garbage", refused(FREE, Force::None), refused(CONTACT, Force::Limit))
         },
         Row {
-            fault: "The force limit is lowered below the present force.",
+            fault: "A person lowers the force limit below the present force.",
+            injection: Injection::Request(&["set-force-limit", "x=40", "y=40"]),
+            // The law aims at 120 N along the normal.
+            daemon: &[
+                ("contact.normal_force_reference_n", "120.0"),
+                ("mpc.wrench_weight", "[1.0, 1.0]"),
+                ("requests", "{ force_limit_min = [10.0, 10.0], force_limit_max = [200.0, 200.0] }"),
+            ],
+            timeline: Timeline { approach: 0.15, ..LONG },
+            ..row(
+                "limit_lowered",
+                Expectation {
+                    note: "There is no force: it takes effect at once.",
+                    log: by_daemon(&["request: force limit x 200.0 -> 40.0 N, force limit y 200.0 -> 40.0 N"]),
+                    recovery: vec![Step::Reload],
+                    ..Expectation::undisturbed(FREE)
+                },
+                Expectation {
+                    robot: Robot::MinimumForceStop,
+                    command: vec![CONTACT, stopping(StopReason::Infeasible), stopped(StopReason::Infeasible)],
+                    log: by_daemon(&[
+                        "request: force limit x 200.0 -> 40.0 N",
+                        "Stopping: Infeasible",
+                        "Stopped: Infeasible",
+                    ]),
+                    force: Force::VirtualTime,
+                    recovery: vec![Step::Reload, Step::Retreat, Step::Reset],
+                    ..Expectation::undisturbed(CONTACT)
+                },
+            )
+        },
+        Row {
+            fault: "A file with a force limit below the present force is loaded.",
             injection: Injection::ReloadKeys(&[
                 ("contact.force_limit", "[100.0, 80.0]"),
                 ("contact.minimum_force", "[6.0, 6.0]"),
@@ -60,14 +92,14 @@ fn files() -> Vec<Row> {
             daemon: &[("contact.minimum_force", "[40.0, 40.0]")],
             timeline: Timeline { approach: 0.15, ..TIMELINE },
             ..row(
-                "limit_lowered",
+                "limit_lowered_by_file",
                 Expectation {
                     note: "There is no force: it takes effect at once.",
                     log: by_daemon(&["reload: the new configuration is in force"]),
                     ..Expectation::undisturbed(FREE)
                 },
                 Expectation {
-                    log: by_daemon(&["reload refused: the arm is in contact; the old configuration stays in force"]),
+                    log: by_daemon(&["reload refused: the arm is in contact"]),
                     force: Force::Limit,
                     recovery: vec![Step::Retreat, Step::Reload],
                     ..Expectation::undisturbed(CONTACT)
