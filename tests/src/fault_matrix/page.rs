@@ -43,6 +43,9 @@ pub fn page() -> String {
     page
 }
 
+/// What a cell of the page says of an expectation.
+type Cell = fn(&Expectation) -> String;
+
 fn section(row: &Row) -> String {
     let mut text = format!("## {}\n\n{}\n\nBrought about by: {}", row.name, row.fault, row.injection);
     for (which, keys) in [
@@ -55,7 +58,7 @@ fn section(row: &Row) -> String {
         }
     }
     text += ".\n\n| | in free motion | in contact |\n|---|---|---|\n";
-    let cells: [(&str, fn(&Expectation) -> String); 7] = [
+    let cells: [(&str, Cell); 7] = [
         ("robot", |e| [e.note, &e.robot.to_string()].join(" ").trim().to_owned()),
         ("command", |e| e.command.iter().map(|said| format!("*{said}*")).collect::<Vec<_>>().join(" → ")),
         ("counted", |e| or_nothing(e.counted.iter().map(|counter| format!("`{}`", counter.name())).collect())),

@@ -27,6 +27,8 @@ pub(crate) enum Fault {
     PlantStopped,
     /// SIGKILL of the plant.
     PlantKilled,
+    /// SIGKILL of `admittancectl record`; the next one begins another file.
+    RecorderKilled,
     /// A second daemon of the same instance.
     SecondDaemon,
     /// The configuration file is garbage, and SIGHUP.
@@ -42,6 +44,7 @@ impl Fault {
             Self::DaemonKilled,
             Self::PlantStopped,
             Self::PlantKilled,
+            Self::RecorderKilled,
             Self::SecondDaemon,
             Self::GarbageReloaded,
         ];
@@ -56,6 +59,7 @@ impl Fault {
             Self::DaemonKilled => "daemon_killed",
             Self::PlantStopped => "plant_stopped",
             Self::PlantKilled => "plant_killed",
+            Self::RecorderKilled => "recorder_killed",
             Self::SecondDaemon => "second_daemon",
             Self::GarbageReloaded => "garbage_reloaded",
         }

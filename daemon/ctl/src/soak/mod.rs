@@ -3,6 +3,7 @@
 
 mod injection;
 pub(crate) mod observer;
+mod recording;
 mod tally;
 mod touch;
 
@@ -32,7 +33,7 @@ const BUSY: f64 = 0.25;
 #[command(
     after_help = "One fault in each touch, half of them in contact; every kind before any comes again. Broken are: a stopped arm that \
     is not held, a true force above the limit after a feasible verdict (outside the windows of faults), a sequence that does not grow, a \
-    stop without a reason, shared memory left behind, memory that grows.\n\nExit codes: 0 nothing broken and nothing lost, 1 otherwise, 75 machine \
+    stop without a reason, a recording that is not whole up to its last chunk, shared memory left behind, memory that grows.\n\nExit codes: 0 nothing broken and nothing lost, 1 otherwise, 75 machine \
     too busy to tell.\n\nExamples:\n  admittancectl soak --minutes 10\n  admittancectl soak --minutes 2 --seed 7 --json"
 )]
 pub(crate) struct Args {
@@ -86,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     }
     bar.finish_and_clear();
     let seconds = begun.elapsed().as_secs_f64();
-    let (_session, left) = stage.end()?;
+    let (_session, left) = stage.end(&mut tally)?;
     // One segment for each prefix is iceoryx2's own: it outlives every node.
     for path in left.iter().filter(|path| path.extension() != Some(OsStr::new("global_mgmt"))) {
         tally.broken("shared_memory_is_removed", path.display().to_string());

@@ -34,6 +34,8 @@ pub(crate) struct Tally {
     touches: u64,
     commands: u64,
     truths: u64,
+    recordings: u64,
+    records: u64,
     seconds: f64,
 }
 
@@ -59,6 +61,12 @@ impl Tally {
     pub(crate) fn lost(&mut self, touch: &Touch, how: &str) {
         let place = if touch.in_contact { "in contact" } else { "in free motion" };
         self.lost.push(format!("{} {place}, {:.1} ms: {how}", touch.fault.name(), touch.duration_s * 1e3));
+    }
+
+    /// A recording with so many records was whole.
+    pub(crate) fn recorded(&mut self, records: u64) {
+        self.recordings += 1;
+        self.records += records;
     }
 
     /// Something that must not be, and that the observer cannot see.
@@ -152,6 +160,8 @@ impl Tally {
             "seconds": self.seconds,
             "commands": self.commands,
             "truths": self.truths,
+            "recordings": self.recordings,
+            "records": self.records,
             "in_windows": self.share(&self.windows),
             "disturbed_by_the_machine": self.share(&self.disturbed),
             "forces_explained_by_windows": self.excused,
@@ -179,13 +189,15 @@ impl Tally {
         let lost: String = self.lost.iter().map(|how| format!("\nlost: {how}")).collect();
         let broken: String = self.broken.iter().map(|(what, how)| format!("\n  {what}: {how}")).collect();
         format!(
-            "{table}\n{} touches in {:.0} s, {} commands and {} truth samples seen\n\
+            "{table}\n{} touches in {:.0} s, {} commands and {} truth samples seen, {} records in {} recordings\n\
              windows of faults: {:.1} % of the time (at most {:.0} %); the machine disturbed {:.1} %; forces above the limit within \
              them: {}{lost}\ninvariants broken: {}{broken}",
             self.touches,
             self.seconds,
             self.commands,
             self.truths,
+            self.records,
+            self.recordings,
             self.share(&self.windows) * 100.0,
             MOST_IN_WINDOWS * 100.0,
             self.share(&self.disturbed) * 100.0,

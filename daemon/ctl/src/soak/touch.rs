@@ -10,6 +10,7 @@ use ipc_types::{Mode, Node, RequestKind, Subscriber, TruthSample};
 use toml::{Table, Value};
 
 use super::injection::{CONTACT_S, Fault, PRESSES_S, RETREATS_S, STANDS_S, Touch};
+use super::recording::Recording;
 use super::tally::{Tally, Window};
 use crate::demo::session::Session;
 use crate::demo::{CONTROLLERS, SCENARIO};
@@ -41,6 +42,7 @@ pub(crate) struct Stage {
     node: Node,
     truths: Subscriber<TruthSample>,
     config: PathBuf,
+    recording: Recording,
     /// Touches of the daemon that runs, and its memory after the first ones, KiB.
     touches: u32,
     memory: Option<u64>,
@@ -141,7 +143,8 @@ impl Stage {
             }
             std::thread::sleep(POLL);
         }
-        Ok(Self { session, node, truths, config, touches: 0, memory: None })
+        let recording = Recording::begin(&mut session, &config)?;
+        Ok(Self { session, node, truths, config, recording, touches: 0, memory: None })
     }
 
     /// Touches once, as drawn, and once more without a fault where the plant was killed.
@@ -157,12 +160,18 @@ impl Stage {
             Ok(()) => tally.survived(touch.fault),
             Err(how) => tally.lost(touch, &how),
         }
+        if touch.fault == Fault::RecorderKilled {
+            let next = self.recording.next(&mut self.session, &self.config)?;
+            std::mem::replace(&mut self.recording, next).check(tally, false)?;
+        }
         self.look_at_memory(tally);
         Ok(())
     }
 
     /// Ends everything; what is then left of shared memory.
-    pub(crate) fn end(mut self) -> Done<(Session, Vec<PathBuf>)> {
+    pub(crate) fn end(mut self, tally: &mut Tally) -> Done<(Session, Vec<PathBuf>)> {
+        self.session.end("recorder")?;
+        self.recording.check(tally, true)?;
         self.session.end("daemon")?;
         let prefix = self.session.settings().prefix.clone();
         let Self { mut session, node, truths, .. } = self;
@@ -239,6 +248,7 @@ impl Stage {
                 Fault::DaemonKilled => self.session.forget("daemon"),
                 Fault::PlantStopped => self.signal("plant", libc::SIGSTOP),
                 Fault::PlantKilled => self.signal("plant", libc::SIGKILL),
+                Fault::RecorderKilled => self.session.forget("recorder"),
                 Fault::SecondDaemon => {
                     let config = self.config.clone();
                     self.session.start("second", "role-daemon", &[OsStr::new("--config"), config.as_os_str()])?;
@@ -266,7 +276,7 @@ impl Stage {
                 }
                 Some(status) => return Err(self.session.failure("second", status)),
             },
-            Fault::PlantKilled | Fault::GarbageReloaded | Fault::Scripted(_) => {}
+            Fault::PlantKilled | Fault::RecorderKilled | Fault::GarbageReloaded | Fault::Scripted(_) => {}
             _ => return Ok(()),
         }
         now.is_over = true;
