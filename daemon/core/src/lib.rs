@@ -28,6 +28,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod answer;
 pub mod condensation;
 pub mod constraints;
 pub mod contact;
