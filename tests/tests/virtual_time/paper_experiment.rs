@@ -11,11 +11,11 @@ use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 use plant_sim::summary::Summary;
 
-const SCENARIO: &str = include_str!("../../plant-sim/scenarios/paper.toml");
-const MPC_PAPER: &str = include_str!("../../deploy/demo/mpc-paper.toml");
-const MPC_DETECTED: &str = include_str!("../../deploy/demo/mpc-detected.toml");
-const DAMPING_LOW: &str = include_str!("../../deploy/demo/damping-low.toml");
-const DAMPING_HIGH: &str = include_str!("../../deploy/demo/damping-high.toml");
+const SCENARIO: &str = include_str!("../../../plant-sim/scenarios/paper.toml");
+const MPC_PAPER: &str = include_str!("../../../deploy/demo/mpc-paper.toml");
+const MPC_DETECTED: &str = include_str!("../../../deploy/demo/mpc-detected.toml");
+const DAMPING_LOW: &str = include_str!("../../../deploy/demo/damping-low.toml");
+const DAMPING_HIGH: &str = include_str!("../../../deploy/demo/damping-high.toml");
 
 const INSTANTS: u32 = 64;
 

@@ -1,0 +1,10 @@
+//! The daemon's cycle against the plant in virtual time, sample by sample: one program, since each of its own would be linked
+//! with both.
+
+mod contact_ends;
+mod deadline;
+mod default_profile;
+mod detection;
+mod limits_are_constraints;
+mod paper_experiment;
+mod stops_and_guards;
