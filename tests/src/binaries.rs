@@ -17,14 +17,30 @@ pub struct Binaries {
     pub admittancectl: PathBuf,
 }
 
+/// Where the programs are already, built as the tests were: a directory.
+const BUILT: &str = "ADMITTANCE_BINARIES";
+
 /// Builds the programs in the profile of the running test and says where they are. Cargo does the work once in a test run:
-/// later calls, also from other test binaries, find everything up to date.
+/// later calls, also from other test binaries, find everything up to date. With `ADMITTANCE_BINARIES` they are in that directory
+/// already: `cargo test` of the whole workspace builds them as well, with other features of their dependencies.
 ///
 /// # Panics
 /// When the build fails (cargo's output is on stderr) or a program is missing from it.
 pub fn binaries() -> &'static Binaries {
     static BINARIES: OnceLock<Binaries> = OnceLock::new();
-    BINARIES.get_or_init(build)
+    BINARIES.get_or_init(|| match std::env::var_os(BUILT) {
+        Some(directory) => within(Path::new(&directory)),
+        None => build(),
+    })
+}
+
+fn within(directory: &Path) -> Binaries {
+    let path = |name: &str| {
+        let path = std::path::absolute(directory.join(name)).expect("a path");
+        assert!(path.is_file(), "{BUILT} = {}: there is no {name} in it", directory.display());
+        path
+    };
+    Binaries { admittanced: path("admittanced"), plant_sim: path("plant-sim"), admittancectl: path("admittancectl") }
 }
 
 fn build() -> Binaries {

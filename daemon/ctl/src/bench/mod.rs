@@ -8,6 +8,9 @@ use crate::Exit;
 pub(crate) use jitter::observed::{self, Args as ObservedArgs};
 
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  admittancectl bench solver daemon/judge/problems/d2_h5.bin\n  admittancectl bench jitter --rate-hz 1000"
+)]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: What,

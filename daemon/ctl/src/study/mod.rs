@@ -21,6 +21,9 @@ use draw::Draw;
 use statistics::Case;
 
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  admittancectl study verdict --runs 200 --seed 1\n  admittancectl study case --seed 1 --index 17"
+)]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: What,
