@@ -4,7 +4,8 @@ set -eu
 
 usage() {
     cat <<'END'
-Installs admittanced, admittancectl, plant-sim, their units, the user admittanced and example files below /usr/local.
+Installs what operators need below /usr/local: admittanced, admittancectl, plant-sim (for rehearsals), their units, the user
+admittanced and example files. admittance-lab, which developers measure with, is not installed.
 
 Usage: install.sh [--root DIR] [--binaries DIR]
        install.sh --uninstall [--purge] [--root DIR]

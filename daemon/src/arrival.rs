@@ -1,15 +1,17 @@
-//! When the next state sample is due: the controller's clock, tracked from the stamps and arrivals of its samples.
+//! When the next state sample is due: the controller's clock, tracked from the stamps and arrivals
+//! of its samples.
 //!
-//! Sample n is expected at stamp φ + n P and seen `latency` later. Phase φ and period P follow the stamps like a
-//! second-order phase-locked loop, the latency the median of what it was. One that is late, by its stamp or by its arrival, tells
-//! nothing about the clock: its stamp is left out, and its latency counts no more than any other above the median.
+//! Sample n is expected at stamp φ + n P and seen `latency` later. Phase φ and period P follow the
+//! stamps like a second-order phase-locked loop, the latency the median of what it was. A late
+//! sample, by its stamp or by its arrival, tells nothing about the clock: its stamp is ignored, and
+//! its latency counts like any other above the median.
 
 /// The controller's clock as the samples so far tell it; times in ns of CLOCK_MONOTONIC.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ArrivalEstimate {
     /// T_s as configured.
     nominal: f64,
-    /// What is known of the run that samples come from; nothing before the first one.
+    /// What is known about the run that samples come from; nothing before the first one.
     track: Option<Track>,
 }
 
@@ -30,11 +32,12 @@ struct Track {
     taken: u32,
 }
 
-/// Part of a period by which a stamp may be off before it is left out.
+/// Part of a period by which a stamp may deviate before it is ignored.
 const GATE: f64 = 0.1;
-/// Stamps left out in a row after which the clock is taken to be another one.
+/// Ignored stamps in a row after which the clock is taken to be another one.
 const OUTLIERS: u32 = 8;
-/// Samples after which the loop is as slow as it gets: shorter than any drift of a clock, longer than jitter.
+/// Samples after which the loop is as slow as it gets: shorter than any drift of a clock, longer
+/// than jitter.
 const SETTLED: u32 = 32;
 /// Largest relative deviation of the period that is believed; one of 1 % ends control.
 const DRIFT: f64 = 0.02;
@@ -47,9 +50,9 @@ impl ArrivalEstimate {
         Self { nominal: sampling_time as f64, track: None }
     }
 
-    /// Takes note of a sample that was stamped at `stamp` and seen at `seen`.
+    /// Records a sample that was stamped at `stamp` and seen at `seen`.
     pub(crate) fn see(&mut self, boot_id: u64, sequence: u64, stamp: u64, seen: u64) {
-        // What is not on this clock tells nothing.
+        // A stamp that does not fit this clock is ignored.
         if stamp > seen {
             return;
         }
@@ -88,7 +91,8 @@ impl ArrivalEstimate {
         }
         track.outliers = 0;
         track.taken = (track.taken + 1).min(SETTLED);
-        // Gains of the least-squares line through the samples so far, which ends as a critically damped loop.
+        // Gains of the least-squares line through the samples so far, which ends as a critically
+        // damped loop.
         let n = f64::from(track.taken);
         let (phase_gain, period_gain) = (2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)), 6.0 / (n * (n + 1.0)));
         track.phase += phase_gain * error;
@@ -98,8 +102,9 @@ impl ArrivalEstimate {
         track.latency += ((seen - stamp) as f64 - track.latency).clamp(-step, step);
     }
 
-    /// When the sample after the last one is to be seen; `None` before the first one. Never much later than a period after the
-    /// last one was, whatever its sequence and stamp said: somebody may sleep until then.
+    /// When the next sample is expected; `None` before the first one. Never much later than a
+    /// period after the last one was seen, whatever its sequence and stamp said: the thread may
+    /// sleep until then.
     pub(crate) fn next(&self) -> Option<u64> {
         let track = self.track.as_ref()?;
         let latest = track.seen.saturating_add((self.nominal * (1.0 + 2.0 * GATE)) as u64);
@@ -112,7 +117,7 @@ mod tests {
     use super::*;
 
     const PERIOD: u64 = 1_000_000;
-    /// What the thread spins for, on either side.
+    /// How long the thread spins, before and after.
     const SPIN: u64 = 50_000;
 
     /// A controller whose clock has this true period in ns, and an estimate of it.
@@ -139,7 +144,8 @@ mod tests {
             self.estimate.see(1, self.sequence, stamp, stamp + latency);
         }
 
-        /// How far the expected arrival of the next sample is from its true instant plus `latency`, ns.
+        /// How far the expected arrival of the next sample is from its true instant plus `latency`,
+        /// ns.
         fn error(&self, latency: u64) -> f64 {
             let expected = self.instant(self.sequence + 1) + latency;
             self.estimate.next().expect("samples were seen") as f64 - expected as f64

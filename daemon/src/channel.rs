@@ -1,33 +1,35 @@
-//! What the real-time thread and the service thread tell each other: wait-free rings of fixed size, one direction each.
+//! What the real-time thread and the service thread tell each other: wait-free rings of fixed size,
+//! one direction each.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use admittance_core::mode::{Mode, StopReason};
-use admittance_core::{EnableRefused, ResetRefused};
+use admittance_core::supervisor::{EnableRefused, Ending, ResetRefused};
+use admittance_core::vocabulary::ModeName as Mode;
 use admittance_host::clock::monotonic_ns;
 use ipc_types::{CommandSample, RecordSample};
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::cycle::{Cycle, CycleReport};
+use admittance_runner::cycle::{Cycle, CycleReport};
 
 /// From the service thread.
 pub(crate) enum Order {
-    /// End control: for good with the reason Shutdown, and the thread when that is done.
-    Stop(StopReason),
+    /// End control; on shutdown the thread as well, when that is done.
+    Stop(Ending),
     /// Let control begin.
     Enable,
     /// Leave Stopped.
     Reset { force: bool },
     /// Take this controller from the next cycle on.
-    Replace { new: Box<dyn Cycle + Send>, kind: Replacement },
+    Replace { new: Box<dyn Cycle>, kind: Replacement },
 }
 
-/// Why a controller is replaced, and with that in which modes it may be.
+/// Why a controller is replaced, which decides in which modes it may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Replacement {
-    /// The configuration was read again: not in contact, where model and bounds would be exchanged under the force.
+    /// The configuration was read again: not in contact, where model and bounds would be exchanged
+    /// under the force.
     Reload,
     /// Another law or environment: not in contact either.
     Behaviour,
@@ -43,15 +45,15 @@ impl Replacement {
         match (self, mode) {
             (Self::ForceLimit, _) | (Self::Bias, Mode::Free) => None,
             (Self::Bias, _) => Some("a wrench can be tared in free motion only: accepted in mode Free"),
-            (_, Mode::Contact | Mode::Stopping) => {
+            (Self::Reload | Self::Behaviour, Mode::Contact | Mode::Stopping) => {
                 Some("the arm is in contact: accepted in the modes Idle, Free and Stopped")
             }
-            _ => None,
+            (Self::Reload | Self::Behaviour, Mode::Idle | Mode::Free | Mode::Stopped) => None,
         }
     }
 }
 
-/// An order with its number and its end.
+/// An order with its number and its deadline.
 pub(crate) struct Ticket {
     /// What the reply carries.
     pub(crate) number: u64,
@@ -61,26 +63,27 @@ pub(crate) struct Ticket {
     pub(crate) order: Order,
 }
 
-/// From the real-time thread, one to every order.
+/// From the real-time thread, one reply to every order.
 pub(crate) struct Reply {
     /// Of the order.
     pub(crate) number: u64,
     /// What became of it.
-    pub(crate) answer: Answer,
+    pub(crate) outcome: Outcome,
 }
 
 /// What became of an order.
-pub(crate) enum Answer {
+pub(crate) enum Outcome {
     /// Of Stop: the mode in which it found the controller, and whether control was enabled.
     Stopping { mode: Mode, was_enabled: bool },
     /// Of Enable: the mode, and whether that changed anything.
     Enabled(Result<(Mode, bool), EnableRefused>),
     /// Of Reset.
     Reset(Result<(), ResetRefused>),
-    /// Of Replace: the controller that is no longer used, for the service thread to free; the new one itself when it was
-    /// refused.
-    Replaced { unused: Box<dyn Cycle + Send>, refused: Option<&'static str> },
-    /// It came after its end; nothing was done. The order is given back, for the service thread to free.
+    /// Of Replace: the controller that is no longer used, for the service thread to free; the new
+    /// one itself when it was refused.
+    Replaced { unused: Box<dyn Cycle>, refused: Option<&'static str> },
+    /// It came after its deadline; nothing was done. The order is given back, for the service
+    /// thread to free.
     Late {
         #[expect(dead_code, reason = "held to be freed by the service thread: the real-time thread frees nothing")]
         order: Order,
@@ -92,7 +95,7 @@ pub(crate) enum Answer {
 pub(crate) struct CycleRecord {
     /// What is published.
     pub(crate) sample: RecordSample,
-    /// What the log says besides: details of a fault, of a singular pose, of a wrong rate.
+    /// Further details for the log: of a fault, of a singular pose, of a wrong rate.
     pub(crate) report: CycleReport,
 }
 
@@ -134,7 +137,8 @@ pub(crate) struct RealtimeEnd {
 }
 
 impl RealtimeEnd {
-    /// Completes a record with what the law says after it, and leaves it to the service thread; never waits for it.
+    /// Completes a record with the law's state, and passes it to the service thread; never waits
+    /// for it.
     pub(crate) fn record(
         &mut self,
         mut sample: RecordSample,
@@ -143,19 +147,11 @@ impl RealtimeEnd {
         cycle: &dyn Cycle,
     ) {
         self.recorded += 1;
-        let counters = cycle.counters();
         sample.sequence = self.recorded;
         sample.boot_id = command.boot_id;
         sample.dropped_count = self.progress.dropped();
-        sample.limited_count = counters.limited;
-        sample.contact_losses = counters.contacts_lost;
-        sample.iterations = report.iterations;
-        sample.fault = report.fault_code().code();
-        sample.limited = u32::from(report.limited);
-        sample.contact_point = cycle.contact_point();
-        sample.wrench = report.wrench;
-        sample.enabled = u32::from(cycle.is_enabled());
-        cycle.settings().write(&mut sample);
+        report.write(&mut sample);
+        cycle.write(&mut sample);
         sample.command = *command;
         if self.records.push(CycleRecord { sample, report }).is_err() {
             self.progress.drop_record();
@@ -173,26 +169,29 @@ pub(crate) struct ServiceEnd {
     pub(crate) progress: Arc<Progress>,
 }
 
-/// What an order comes to that is not answered as it should be.
+/// Why an order has no regular reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum OrderError {
     /// The real-time thread has ended, or takes no orders.
     #[error("the real-time thread takes no orders: it is ending")]
     Ending,
     /// Its end came first.
-    #[error("the real-time thread did not come to it in time; nothing was done")]
+    #[error("the real-time thread did not take the order in time; nothing was done")]
     Late,
 }
 
 impl ServiceEnd {
-    /// Gives an order that is carried out until `until_ns` or not at all, and waits for what became of it.
-    pub(crate) fn order(&mut self, order: Order, until_ns: u64) -> Result<Answer, OrderError> {
+    /// Gives an order that is carried out until `until_ns` or not at all, and waits for what became
+    /// of it.
+    pub(crate) fn order(&mut self, order: Order, until_ns: u64) -> Result<Outcome, OrderError> {
         let number = self.give(order, until_ns)?;
         while monotonic_ns() < until_ns.saturating_add(GRACE_NS) {
             match self.replies.pop() {
-                Ok(Reply { number: of, answer: Answer::Late { .. } }) if of == number => return Err(OrderError::Late),
-                Ok(Reply { number: of, answer }) if of == number => return Ok(answer),
-                // Of an order that nobody waited for.
+                Ok(Reply { number: of, outcome: Outcome::Late { .. } }) if of == number => {
+                    return Err(OrderError::Late);
+                }
+                Ok(Reply { number: of, outcome }) if of == number => return Ok(outcome),
+                // The reply to an order that nobody waits for any more.
                 Ok(_) => {}
                 Err(_) => std::thread::sleep(Duration::from_micros(200)),
             }
@@ -209,7 +208,8 @@ impl ServiceEnd {
     }
 }
 
-/// How much later than the order's end its reply may come: the real-time thread decides by its own look at the clock.
+/// How much later than the order's deadline its reply may come: the real-time thread reads the
+/// clock itself.
 const GRACE_NS: u64 = 500_000_000;
 /// Orders and replies that may wait.
 const ORDERS: usize = 8;
@@ -237,7 +237,8 @@ pub(crate) fn channel() -> (RealtimeEnd, ServiceEnd) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{config::Config, cycle};
+    use admittance_runner::config::Config;
+    use admittance_runner::cycle;
 
     #[test]
     fn a_full_ring_drops_and_counts() {

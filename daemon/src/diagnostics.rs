@@ -1,4 +1,5 @@
-//! How the daemon is doing: counters and latencies over all cycles and over the last second, published a few times a second.
+//! How the daemon is doing: counters and latencies over all cycles and over the last second,
+//! published a few times a second.
 
 use admittance_host::clock::monotonic_ns;
 use hdrhistogram::Histogram;
@@ -7,12 +8,12 @@ use ipc_types::{
     DiagnosticsSample, Fault, Instance, Mode, Node, Publisher, QUANTILES, RecordKind, RecordSample, Source, TASK_AXES,
 };
 
-use crate::config::Config;
+use admittance_runner::config::Config;
 
 /// Between two samples in ns.
 const INTERVAL_NS: u64 = 200_000_000;
 const SECOND_NS: u64 = 1_000_000_000;
-/// Longest time in ns that a histogram tells from longer ones.
+/// Longest time in ns that a histogram resolves; longer ones count as this.
 const LONGEST_NS: u64 = 60 * SECOND_NS;
 /// Significant decimal digits of a histogram.
 const DIGITS: u8 = 3;
@@ -55,7 +56,7 @@ fn quantiles(histogram: &Histogram<u64>) -> [u64; QUANTILES] {
     ]
 }
 
-/// Gathers what cycles tell, and publishes it.
+/// Collects figures of all cycles, and publishes them.
 pub(crate) struct Diagnostics {
     publisher: Publisher<DiagnosticsSample>,
     sample: DiagnosticsSample,
@@ -120,10 +121,10 @@ impl Diagnostics {
         let command = &record.command;
         self.sample.cycles += 1;
         self.cycles_this_second += 1;
-        if record.kind != RecordKind::Sample.code() || record.fault != Fault::None.code() {
+        if record.kind != RecordKind::Sample.code() || record.fault != Fault::NONE {
             return;
         }
-        // Only an accepted sample's stamp is to be trusted.
+        // Only the stamp of an accepted sample is reliable.
         self.wake_up.add(record.wake_up_latency_ns);
         self.compute.add(record.compute_time_ns);
         self.answer.add(record.answer_time_ns);
@@ -172,7 +173,7 @@ impl Diagnostics {
         (sample.wake_up_ns, sample.wake_up_last_second_ns) = (quantiles(&self.wake_up.all), self.wake_up.last_second);
         (sample.compute_ns, sample.compute_last_second_ns) = (quantiles(&self.compute.all), self.compute.last_second);
         (sample.answer_ns, sample.answer_last_second_ns) = (quantiles(&self.answer.all), self.answer.last_second);
-        // Nobody may be looking: that is no failure.
+        // No subscriber is no failure.
         let _ = self.publisher.send_copy(*sample);
     }
 }

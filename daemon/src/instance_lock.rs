@@ -6,7 +6,8 @@ use std::io::{Read, Seek, Write};
 use admittance_host::exit::ExitCode;
 use ipc_types::IpcSettings;
 
-/// Holds the lock until dropped; the file stays, since removing a locked file would let two daemons in.
+/// Holds the lock until dropped; the file stays, since removing a locked file would let two daemons
+/// in.
 #[derive(Debug)]
 pub(crate) struct InstanceLock {
     _file: File,
@@ -29,7 +30,8 @@ pub(crate) fn take(settings: &IpcSettings) -> Result<InstanceLock, (ExitCode, St
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
             let mut owner = String::new();
-            // An owner between taking the lock and writing its id leaves the file empty: say what is known.
+            // An owner between taking the lock and writing its id leaves the file empty: say what
+            // is known.
             let _ = file.read_to_string(&mut owner);
             let owner = if owner.trim().is_empty() {
                 "another process".to_owned()

@@ -1,6 +1,8 @@
-//! What the log says of cycles: each change of mode, each kind of fault at most once a second with its count.
+//! What is logged about cycles: each change of mode, each kind of fault at most once a second with
+//! its count.
 
-use admittance_core::sample::SampleFault;
+use admittance_core::intake::SampleFault;
+use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::clock::monotonic_ns;
 use ipc_types::{Mode, Motion, Side, StopReason, Verdict};
 
@@ -8,7 +10,6 @@ use crate::channel::CycleRecord;
 
 /// Least time in ns between two log lines about faults.
 const FAULT_INTERVAL_NS: u64 = 1_000_000_000;
-const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
 #[derive(Debug, Default)]
 pub(crate) struct CycleLog {
@@ -20,14 +21,6 @@ pub(crate) struct CycleLog {
     dropped: u64,
 }
 
-fn mode_name(code: u32) -> &'static str {
-    Mode::from_code(code).map_or("unknown", Mode::name)
-}
-
-fn reason_name(code: u32) -> &'static str {
-    StopReason::from_code(code).map_or("unknown", StopReason::name)
-}
-
 impl CycleLog {
     /// Takes note of a cycle.
     pub(crate) fn cycle(&mut self, record: &CycleRecord) {
@@ -37,7 +30,7 @@ impl CycleLog {
             self.last = Some(state);
             transition(record);
         }
-        // A controller that is not there is no fault of a sample; the mode says it.
+        // A missing controller is not a fault of a sample; the mode shows it.
         let at_rest = command.mode == Mode::Idle.code() || command.mode == Mode::Stopped.code();
         if let Some(fault) = &record.report.fault
             && !(at_rest && *fault == SampleFault::Silence)
@@ -48,7 +41,7 @@ impl CycleLog {
         self.limited += u64::from(record.report.limited);
     }
 
-    /// Logs what has gathered, if it is time.
+    /// Logs what has accumulated, if it is time.
     pub(crate) fn flush(&mut self, dropped: u64) {
         let now = monotonic_ns();
         if now.saturating_sub(self.logged_at) < FAULT_INTERVAL_NS {
@@ -72,23 +65,23 @@ impl CycleLog {
 
 fn transition(record: &CycleRecord) {
     let command = &record.sample.command;
-    let (mode, stop_reason) = (mode_name(command.mode), reason_name(command.stop_reason));
+    let (mode, stop_reason) = (Mode::name_of(command.mode), StopReason::name_of(command.stop_reason));
     let why = explanation(record);
     match Mode::from_code(command.mode) {
         Some(Mode::Stopping | Mode::Stopped) => tracing::warn!(mode, stop_reason, "{mode}: {stop_reason}{why}"),
-        _ if command.stop_reason != StopReason::None.code() => {
+        _ if command.stop_reason != StopReason::NONE => {
             tracing::warn!(mode, stop_reason, "{mode}: {stop_reason}{why}");
         }
         _ => tracing::info!(mode, stop_reason, "{mode}"),
     }
 }
 
-/// What a person needs beside the reason's name.
+/// What a person needs to know besides the reason's name.
 fn explanation(record: &CycleRecord) -> String {
     let command = &record.sample.command;
     match StopReason::from_code(command.stop_reason) {
         Some(StopReason::Infeasible) if command.verdict == Verdict::Infeasible.code() => {
-            let axis = AXES.get(command.verdict_axis as usize).unwrap_or(&"?");
+            let axis = AXIS_NAMES.get(command.verdict_axis as usize).unwrap_or(&"?");
             let side = if command.verdict_side == Side::Upper.code() { "upper" } else { "lower" };
             format!(
                 ", the {side} limit on {axis} is missed by at least {:.1} N in {:.1} ms",
@@ -120,10 +113,10 @@ fn explanation(record: &CycleRecord) -> String {
 pub(crate) fn state_of(last: Option<&CycleRecord>) -> String {
     let Some(last) = last else { return "Idle (no cycle yet)".to_owned() };
     let command = &last.sample.command;
-    if command.stop_reason == StopReason::None.code() {
-        mode_name(command.mode).to_owned()
+    if command.stop_reason == StopReason::NONE {
+        Mode::name_of(command.mode).to_owned()
     } else {
-        format!("{} ({})", mode_name(command.mode), reason_name(command.stop_reason))
+        format!("{} ({})", Mode::name_of(command.mode), StopReason::name_of(command.stop_reason))
     }
 }
 

@@ -1,4 +1,5 @@
-//! What systemd is told: READY, RELOADING, STOPPING, and WATCHDOG only while the real-time thread moves.
+//! What systemd is told: READY, RELOADING, STOPPING, and WATCHDOG only while the real-time thread
+//! moves.
 
 use std::time::{Duration, Instant};
 
@@ -43,7 +44,7 @@ impl Notify {
     }
 }
 
-/// Without systemd there is nobody to tell, and that is no failure.
+/// Without systemd there is nobody to notify, and that is no failure.
 fn tell(state: &[NotifyState]) {
     if let Err(error) = sd_notify::notify(state) {
         tracing::debug!("systemd could not be notified: {error}");

@@ -1,28 +1,29 @@
-//! A look into the real-time thread from inside its process, for tests that count what happens between received and sent.
-//! Nothing of it is in the shipped program: an [`Unobserved`] thread compiles to the loop alone.
+//! A view into the real-time thread from inside its process, for tests that count what happens
+//! between received and sent. In the shipped program it compiles to nothing.
 
 use std::thread::JoinHandle;
 
-use admittance_core::mode::StopReason;
+use admittance_core::supervisor::Ending;
 use admittance_host::exit::ExitCode;
+use admittance_runner::config::Config;
+use admittance_runner::cycle::Cycle;
 use ipc_types::{CommandSample, IpcSettings};
 
 use crate::channel::{Order, ServiceEnd, channel};
-use crate::config::Config;
-use crate::cycle;
 use crate::realtime_thread::{LoopTiming, RealtimeThread};
 
-/// What is told of every cycle, on the real-time thread.
+/// Callbacks in every cycle, on the real-time thread.
 pub trait Probe: Send + 'static {
     /// The thread is about to look for a sample.
     fn looking(&mut self);
-    /// The command has been sent; the notification has not. Condensation and solve took `solver_time` ns, 0 without any.
-    fn sent(&mut self, command: &CommandSample, solver_time: u64);
+    /// The command has been sent; the notification has not. The law first asked for the time at
+    /// `asked`, ns of CLOCK_MONOTONIC; 0 when it did not.
+    fn sent(&mut self, command: &CommandSample, asked: u64);
 }
 
-/// No probe.
+/// Nobody to tell.
 #[derive(Debug, Clone, Copy)]
-pub struct Unobserved;
+pub(crate) struct Unobserved;
 
 impl Probe for Unobserved {
     #[inline(always)]
@@ -45,17 +46,22 @@ impl std::fmt::Debug for ObservedThread {
 }
 
 impl ObservedThread {
-    /// Starts it as the daemon does, with real ports.
+    /// Starts it as the daemon does, with real ports and the cycle of this configuration.
     ///
     /// # Errors
     /// A sentence that says why it cannot begin.
-    pub fn start(config: &Config, settings: &IpcSettings, probe: impl Probe) -> Result<Self, String> {
+    pub fn start(
+        config: &Config,
+        cycle: Box<dyn Cycle>,
+        settings: &IpcSettings,
+        probe: impl Probe,
+    ) -> Result<Self, String> {
         let (realtime_end, service) = channel();
         let thread = RealtimeThread {
             settings: settings.clone(),
             realtime: config.realtime.clone(),
             timing: LoopTiming::of(config),
-            cycle: cycle::build(config)?,
+            cycle,
             channel: realtime_end,
             boot_id: 1,
         };
@@ -71,7 +77,7 @@ impl ObservedThread {
     /// Asks it to end control, and then itself, as SIGTERM does.
     pub fn stop(&mut self) {
         // A full ring holds a stop already.
-        let _ = self.service.give(Order::Stop(StopReason::Shutdown), u64::MAX);
+        let _ = self.service.give(Order::Stop(Ending::Shutdown), u64::MAX);
     }
 
     /// Whether it has ended.

@@ -1,36 +1,32 @@
 //! The real-time thread: wait for a state sample, answer it, publish the command.
 
-use std::mem::MaybeUninit;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::Sender;
 
-use admittance_core::mode::{Mode, StopReason as CoreStopReason};
-use admittance_core::plan::nanoseconds;
+use admittance_core::quantities::{Instant, Span};
+use admittance_core::supervisor::Ending;
 use admittance_host::clock::{monotonic_ns, sleep_until_ns};
 use admittance_host::exit::ExitCode;
 use admittance_host::realtime::{RealtimeSection, StepReport, go_real_time};
-use iceoryx2::prelude::ipc;
-use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use ipc_types::services::{self, Access};
 use ipc_types::{
-    CommandSample, IpcSettings, Motion, Node, Notifier, Publisher, RecordKind, RecordSample, StateSample, StopReason,
-    Subscriber,
+    CommandSample, IpcSettings, Mode, Motion, Node, Notifier, Publisher, RecordKind, RecordSample, Slot, StateSample,
+    StopReason, Subscriber,
 };
 
 use crate::arrival::ArrivalEstimate;
-use crate::channel::{Answer, Order, RealtimeEnd, Replacement, Reply, Ticket};
-use crate::config::{Config, Wait};
-use crate::cycle::{Cycle, CycleReport};
+use crate::channel::{Order, Outcome, RealtimeEnd, Replacement, Reply, Ticket};
 use crate::notifications::Notifications;
 use crate::probe::Probe;
-use crate::wire;
+use admittance_runner::config::{Config, Wait};
+use admittance_runner::cycle::{Cycle, CycleReport};
 
 /// What the thread needs to begin.
 pub(crate) struct RealtimeThread {
     pub(crate) settings: IpcSettings,
     pub(crate) realtime: RealtimeSection,
     pub(crate) timing: LoopTiming,
-    pub(crate) cycle: Box<dyn Cycle + Send>,
+    pub(crate) cycle: Box<dyn Cycle>,
     pub(crate) channel: RealtimeEnd,
     pub(crate) boot_id: u64,
 }
@@ -48,23 +44,22 @@ pub(crate) struct LoopTiming {
 
 impl LoopTiming {
     pub(crate) fn of(config: &Config) -> Self {
+        let ns = |seconds: f64| Span::from_seconds(seconds).nanoseconds();
         Self {
-            answer_budget: nanoseconds(config.control.answer_budget_s),
-            max_sample_age: nanoseconds(config.control.max_sample_age_s),
-            sampling_time: nanoseconds(config.control.sampling_time_s),
+            answer_budget: ns(config.control.answer_budget_s),
+            max_sample_age: ns(config.control.max_sample_age_s),
+            sampling_time: ns(config.control.sampling_time_s),
             wait: config.control.wait,
-            spin: nanoseconds(config.control.spin_s),
+            spin: ns(config.control.spin_s),
         }
     }
 }
 
-/// Shared memory for one command, not yet written.
-type Slot = SampleMutUninit<ipc::Service, MaybeUninit<CommandSample>, ()>;
-
 /// The thread's set-up: what was done, or why it cannot begin.
 pub(crate) type Started = Result<Vec<StepReport>, (ExitCode, String)>;
 
-/// Ports of the thread. They cannot move to another thread, so they are made where they are used; the node goes last.
+/// Ports of the thread. They cannot move to another thread, so they are made where they are used;
+/// the node goes last.
 struct Ports {
     states: Subscriber<StateSample>,
     arrivals: Notifications,
@@ -94,7 +89,8 @@ impl Ports {
 }
 
 impl RealtimeThread {
-    /// The thread's body: opens the ports, goes real-time, tells `started`, and answers samples until it is stopped.
+    /// The thread's body: opens the ports, becomes real-time, reports to `started`, and answers
+    /// samples until it is stopped.
     pub(crate) fn run(self, started: &Sender<Started>, probe: impl Probe) -> ExitCode {
         // A dropped receiver means that the process is ending already.
         let tell = |outcome: Started| drop(started.send(outcome));
@@ -105,7 +101,8 @@ impl RealtimeThread {
                 return ExitCode::Unavailable;
             }
         };
-        // With the ports there: what they map is then locked and present, or all of it is refused in words.
+        // After the ports are open: their mappings are then locked and present, or the refusal is
+        // reported.
         tell(Ok(go_real_time(&self.realtime)));
         let mut cycle_loop = Loop {
             ports: &ports,
@@ -121,7 +118,8 @@ impl RealtimeThread {
         match catch_unwind(AssertUnwindSafe(|| cycle_loop.run())) {
             Ok(()) => ExitCode::Ok,
             Err(_) => {
-                // The panic hook has said what happened; the arm must not go on with the last offset.
+                // The panic hook has said what happened; the arm must not go on with the last
+                // offset.
                 let mut command = cycle_loop.command;
                 hold(&mut command);
                 if let Ok(slot) = ports.commands.loan_uninit() {
@@ -134,12 +132,12 @@ impl RealtimeThread {
     }
 }
 
-/// Turns a command into the last one of a thread that failed.
+/// Turns a command into the last one of a failed thread.
 fn hold(command: &mut CommandSample) {
     command.sequence += 1;
     command.stamp_ns = monotonic_ns();
     command.motion = Motion::Hold.code();
-    command.mode = ipc_types::Mode::Stopped.code();
+    command.mode = Mode::Stopped.code();
     command.stop_reason = StopReason::InternalError.code();
     command.velocity_offset = [0.0; ipc_types::TASK_AXES];
     command.joint_velocity_offset = [0.0; ipc_types::MAX_JOINTS];
@@ -150,7 +148,7 @@ fn hold(command: &mut CommandSample) {
 struct Loop<'a, P> {
     ports: &'a Ports,
     timing: LoopTiming,
-    cycle: Box<dyn Cycle + Send>,
+    cycle: Box<dyn Cycle>,
     channel: RealtimeEnd,
     /// The last command.
     command: CommandSample,
@@ -175,7 +173,7 @@ impl<P: Probe> Loop<'_, P> {
             self.probe.looking();
             let sample = self.ports.states.receive().ok().flatten();
             let received = monotonic_ns();
-            // When the law first asked for the time: what comes before is not the solver's.
+            // When the law first asked for the time: the time before is not the solver's.
             let mut asked = 0;
             let mut expired_at = 0;
             let report = if let Some(state) = &sample {
@@ -189,7 +187,8 @@ impl<P: Probe> Loop<'_, P> {
                     expired_at = if is_over && expired_at == 0 { questions } else { expired_at };
                     is_over
                 };
-                let report = self.cycle.answer(state, received, &mut expired, &mut self.command);
+                let now = Instant::from_nanoseconds(received);
+                let report = self.cycle.answer(state, now, &mut expired, &mut self.command);
                 self.arrival.see(state.boot_id, state.sequence, state.stamp_ns, received);
                 report
             } else {
@@ -200,12 +199,12 @@ impl<P: Probe> Loop<'_, P> {
                     self.wait(received, last_event);
                     continue;
                 }
-                self.cycle.silence(received, &mut self.command)
+                self.cycle.silence(Instant::from_nanoseconds(received), &mut self.command)
             };
             last_event = received;
             // Before the first sample there is nothing to answer.
             if self.command.state_sequence > 0 {
-                self.publish(slot.take(), received, report.solver_ended_ns.saturating_sub(asked));
+                self.publish(slot.take(), received, asked);
                 slot = self.ports.commands.loan_uninit().ok();
             }
             // From here on there is time.
@@ -224,10 +223,11 @@ impl<P: Probe> Loop<'_, P> {
         }
     }
 
-    /// Waits for the next sample, or until a silence has lasted long enough to be one. It may return before either.
+    /// Waits for the next sample, or until a silence has lasted long enough to count. It may return
+    /// before either.
     fn wait(&self, now: u64, last_event: u64) {
         match self.timing.wait {
-            // Without a controller there is nothing to be fast for.
+            // Without a controller there is no hurry.
             Wait::Spin => {
                 let silent = self.timing.max_sample_age;
                 if self.arrival.next().is_some_and(|due| now < due.saturating_add(silent)) {
@@ -235,7 +235,8 @@ impl<P: Probe> Loop<'_, P> {
                 }
             }
             Wait::Event => {}
-            // Around the instant at which the sample is due the thread spins: a blocked one wakes far later.
+            // The thread spins around the instant at which the sample is due: a blocked thread
+            // wakes far later.
             Wait::Hybrid => {
                 let spin = self.timing.spin;
                 if let Some(due) = self.arrival.next().filter(|due| now < due.saturating_add(spin)) {
@@ -247,7 +248,7 @@ impl<P: Probe> Loop<'_, P> {
         self.ports.arrivals.block(self.timing.max_sample_age.saturating_sub(now - last_event));
     }
 
-    fn publish(&mut self, slot: Option<Slot>, received: u64, solver_time: u64) {
+    fn publish(&mut self, slot: Option<Slot<CommandSample>>, received: u64, asked: u64) {
         let Some(slot) = slot else { return };
         let now = monotonic_ns();
         let late = now > self.command.state_stamp_ns.saturating_add(self.timing.answer_budget);
@@ -256,43 +257,43 @@ impl<P: Probe> Loop<'_, P> {
         self.command.stamp_ns = now;
         self.command.compute_time_ns = now.saturating_sub(received);
         self.command.late_count = self.late;
-        // Nobody may be listening yet: that is no failure.
+        // No listener yet is no failure.
         let _ = slot.write_payload(self.command).send();
-        self.probe.sent(&self.command, solver_time);
+        self.probe.sent(&self.command, asked);
         let _ = self.ports.answered.notify();
     }
 
     fn obey(&mut self) {
         while let Ok(Ticket { number, until_ns, order }) = self.channel.orders.pop() {
             let now = monotonic_ns();
-            let answer = if now > until_ns { Answer::Late { order } } else { self.carry_out(order, now) };
+            let outcome = if now > until_ns { Outcome::Late { order } } else { self.carry_out(order, now) };
             // As many replies fit as orders: a full ring means that the service thread is gone.
-            let _ = self.channel.replies.push(Reply { number, answer });
+            let _ = self.channel.replies.push(Reply { number, outcome });
         }
     }
 
-    fn carry_out(&mut self, order: Order, now: u64) -> Answer {
+    fn carry_out(&mut self, order: Order, now: u64) -> Outcome {
         let mut record = RecordSample { now_ns: now, ..RecordSample::zeroed() };
         let (mode, was_enabled) = (self.cycle.mode(), self.cycle.is_enabled());
-        let answer = match order {
-            Order::Stop(reason) => {
-                self.cycle.request_stop(reason);
-                self.stopping |= reason == CoreStopReason::Shutdown;
+        let outcome = match order {
+            Order::Stop(ending) => {
+                self.cycle.end(ending);
+                self.stopping |= ending == Ending::Shutdown;
                 record.kind = RecordKind::Stop.code();
-                record.stop_order = wire::stop_reason(reason).code();
-                Answer::Stopping { mode, was_enabled }
+                record.stop_order = ending.reason().code();
+                Outcome::Stopping { mode, was_enabled }
             }
             Order::Enable => {
-                let outcome = self.cycle.enable();
+                let enabled = self.cycle.enable();
                 record.kind = RecordKind::Enable.code();
-                record.done = u32::from(outcome.is_ok());
-                Answer::Enabled(outcome.map(|changed| (mode, changed)))
+                record.done = u32::from(enabled.is_ok());
+                Outcome::Enabled(enabled.map(|changed| (mode, changed)))
             }
             Order::Reset { force } => {
-                let outcome = self.cycle.reset(force);
+                let reset = self.cycle.reset(force);
                 record.kind = RecordKind::Reset.code();
-                (record.forced, record.done) = (u32::from(force), u32::from(outcome.is_ok()));
-                Answer::Reset(outcome)
+                (record.forced, record.done) = (u32::from(force), u32::from(reset.is_ok()));
+                Outcome::Reset(reset)
             }
             Order::Replace { mut new, kind } => {
                 let refused = match kind.refused_in(mode) {
@@ -306,132 +307,13 @@ impl<P: Probe> Loop<'_, P> {
                 let is_reload = kind == Replacement::Reload;
                 record.kind = if is_reload { RecordKind::Replaced } else { RecordKind::Adjusted }.code();
                 record.done = u32::from(refused.is_none());
-                Answer::Replaced { unused: new, refused }
+                Outcome::Replaced { unused: new, refused }
             }
         };
         self.channel.record(record, CycleReport::default(), &self.command, &*self.cycle);
-        answer
+        outcome
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use std::any::Any;
-    use std::path::PathBuf;
-
-    use admittance_core::{EnableRefused, ResetRefused};
-    use ipc_types::Instance;
-
-    use super::*;
-    use crate::channel::channel;
-    use crate::probe::Unobserved;
-    use crate::settings::Settings;
-
-    /// A controller with a bug.
-    struct Panics;
-
-    impl Cycle for Panics {
-        fn answer(
-            &mut self,
-            state: &StateSample,
-            _: u64,
-            _: &mut dyn FnMut() -> bool,
-            _: &mut CommandSample,
-        ) -> CycleReport {
-            panic!("a bug, met at sample {}", state.sequence)
-        }
-
-        fn silence(&mut self, _: u64, _: &mut CommandSample) -> CycleReport {
-            CycleReport::default()
-        }
-
-        fn request_stop(&mut self, _: CoreStopReason) {}
-
-        fn reset(&mut self, _: bool) -> Result<(), ResetRefused> {
-            Err(ResetRefused::NoSample)
-        }
-
-        fn enable(&mut self) -> Result<bool, EnableRefused> {
-            Err(EnableRefused::Ending)
-        }
-
-        fn is_enabled(&self) -> bool {
-            true
-        }
-
-        fn settings(&self) -> &Settings {
-            &Settings::NONE
-        }
-
-        fn mode(&self) -> Mode {
-            Mode::Contact
-        }
-
-        fn contact_point(&self) -> [f64; 3] {
-            [0.0; 3]
-        }
-
-        fn assume_contact_point(&mut self, _: [f64; 3]) {}
-
-        fn counters(&self) -> admittance_core::outcome::Counters {
-            admittance_core::outcome::Counters::default()
-        }
-
-        fn take_over(&mut self, _: &dyn Cycle) -> bool {
-            false
-        }
-
-        fn as_any(&self) -> &dyn Any {
-            self
-        }
-    }
-
-    #[test]
-    fn a_panic_is_a_hold_and_an_internal_error() {
-        let name = format!("pan{:x}_", std::process::id());
-        let settings = IpcSettings {
-            root_path: PathBuf::from(format!("/tmp/{name}")),
-            prefix: name,
-            instance: Instance::new("panics").expect("a name"),
-        };
-        let realtime = RealtimeSection {
-            lock_memory: false,
-            priority: 0,
-            cpu: None,
-            cpu_dma_latency_us: None,
-            require_realtime: false,
-        };
-        let timing = LoopTiming {
-            answer_budget: 1_000_000,
-            max_sample_age: 5_000_000,
-            sampling_time: 4_000_000,
-            wait: Wait::Event,
-            spin: 0,
-        };
-        let (realtime_end, _service_end) = channel();
-        let thread = RealtimeThread {
-            settings: settings.clone(),
-            realtime,
-            timing,
-            cycle: Box::new(Panics),
-            channel: realtime_end,
-            boot_id: 7,
-        };
-        let (started, start) = std::sync::mpsc::channel();
-        let handle = std::thread::spawn(move || thread.run(&started, Unobserved));
-        start.recv().expect("the thread tells").expect("its ports open");
-
-        let node = settings.node("test").expect("a node");
-        let state = services::state(&node, &settings.instance, Access::Open).expect("the daemon made it");
-        let states = state.publisher().expect("no other publisher");
-        let command = services::command(&node, &settings.instance, Access::Open).expect("the daemon made it");
-        let commands = command.subscriber().expect("a subscriber");
-        states.send_copy(StateSample { sequence: 1, stamp_ns: monotonic_ns(), ..StateSample::zeroed() }).expect("sent");
-        assert_eq!(handle.join().expect("the panic does not leave the thread"), ExitCode::Internal);
-        let last = commands.receive().expect("received").expect("a last command");
-        assert_eq!((last.motion, last.stop_reason), (Motion::Hold.code(), StopReason::InternalError.code()));
-        assert_eq!(last.boot_id, 7);
-        drop((last, commands, command, states, state, node));
-        ipc_types::remove_all(&settings).expect("removed");
-    }
-}
+mod tests;

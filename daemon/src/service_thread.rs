@@ -1,24 +1,25 @@
-//! The service thread: signals, [requests](crate::requests), log, records and diagnostics, watchdog. Normal priority, its
-//! own node; it never touches the real-time thread but through the rings.
+//! The service thread: signals, [requests](crate::requests), log, records and diagnostics,
+//! watchdog. Runs as the process was started, its own node; it never touches the real-time thread except through
+//! the rings.
 
 use std::path::PathBuf;
 use std::time::Duration;
 
-use admittance_core::mode::StopReason;
+use admittance_core::supervisor::Ending;
 use admittance_host::clock::monotonic_ns;
 use ipc_types::services::{self, Access};
 use ipc_types::{Instance, Node, Publisher, RecordKind, RecordSample, Server};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use crate::channel::{CycleRecord, Order, ServiceEnd};
-use crate::config::Config;
 use crate::diagnostics::Diagnostics;
 use crate::requests::ORDER_PATIENCE_NS;
 use crate::tare::FreeSamples;
 use crate::{log, notify};
+use admittance_runner::config::Config;
 
-/// How often the thread looks after everything.
+/// How often the thread wakes up.
 const TURN: Duration = Duration::from_millis(5);
 
 /// The thread's state.
@@ -45,23 +46,23 @@ pub(crate) struct ServiceThread {
 }
 
 impl ServiceThread {
-    /// Opens the thread's services and takes over the signals.
+    /// Opens the thread's services. `signals` have been caught since the program began.
     pub(crate) fn open(
         node: Node,
         instance: &Instance,
         channel: ServiceEnd,
         config_path: PathBuf,
         config: Config,
+        signals: Signals,
     ) -> Result<Self, String> {
         let create = Access::OpenOrCreate;
         let record = services::record(&node, instance, create).map_err(|error| error.to_string())?;
         let records = record.publisher().map_err(|error| error.to_string())?;
         let started = monotonic_ns();
         let diagnostics = Diagnostics::open(&node, instance, &config, started)?;
-        // The last one: who finds it, finds all.
+        // The last service to open: a client that finds it will find the others too.
         let service = services::request(&node, instance, create).map_err(|error| error.to_string())?;
         let server = service.server().map_err(|error| error.to_string())?;
-        let signals = Signals::new([SIGTERM, SIGINT, SIGHUP]).map_err(|error| format!("signal handlers: {error}"))?;
         Ok(Self {
             server,
             records,
@@ -110,7 +111,7 @@ impl ServiceThread {
                 let name = if signal == SIGTERM { "SIGTERM" } else { "SIGINT" };
                 tracing::info!("{name}: ending control; in contact the arm stops at a low force first");
                 // A full ring holds a stop already: nothing is lost.
-                let _ = self.channel.give(Order::Stop(StopReason::Shutdown), u64::MAX);
+                let _ = self.channel.give(Order::Stop(Ending::Shutdown), u64::MAX);
                 self.enabled = false;
             }
         }
@@ -118,14 +119,14 @@ impl ServiceThread {
 
     pub(crate) fn read_records(&mut self) {
         while let Ok(record) = self.channel.records.pop() {
-            // Who does not read fast enough sees a gap in the sequence; publishing never waits.
+            // A slow reader sees a gap in the sequence; publishing never waits.
             if let Err(error) = self.records.send_copy(record.sample) {
                 tracing::debug!("a record was not published: {error:?}");
             }
             self.diagnostics.heard_of(record.sample.boot_id);
             let is_cycle =
                 [RecordKind::Sample, RecordKind::Silence].map(RecordKind::code).contains(&record.sample.kind);
-            // Before the first sample there is nothing to tell.
+            // Before the first sample there is nothing to report.
             if is_cycle && record.sample.command.state_sequence > 0 {
                 self.diagnostics.cycle(&record.sample);
                 self.free.cycle(&record.sample);

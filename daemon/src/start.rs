@@ -8,21 +8,24 @@ use admittance_host::config::LoadError;
 use admittance_host::exit::ExitCode;
 use admittance_host::realtime::{StepOutcome, StepReport};
 use admittance_host::{config, cpu, logging, shared_memory};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 
 use crate::args::{Args, Invocation};
 use crate::channel::channel;
-use crate::config::{Config, Wait};
 use crate::probe::Unobserved;
 use crate::realtime_thread::{LoopTiming, RealtimeThread};
 use crate::service_thread::ServiceThread;
-use crate::{args, cycle, instance_lock};
+use crate::{args, instance_lock};
+use admittance_runner::config::{Config, Wait};
+use admittance_runner::cycle;
 
-/// Stack of the real-time thread: the core keeps its horizon-sized data elsewhere, Clarabel its own on the heap.
+/// Stack of the real-time thread. The law keeps data of a horizon's size elsewhere.
 const STACK_BYTES: usize = 2 << 20;
 
 /// Runs the daemon with these arguments (without the program's name) and says how it ended.
 pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
-    // Before anything else: what follows may use instructions that this processor lacks.
+    // Before anything else: the code below may use instructions that this processor lacks.
     if let Some(feature) = cpu::missing_cpu_feature() {
         eprintln!(
             "admittanced: this processor lacks {feature}, which this build needs (x86-64-v3): build for this machine"
@@ -50,6 +53,10 @@ pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
 }
 
 fn run(args: Args) -> Result<ExitCode, (ExitCode, String)> {
+    // Before anything that takes time: a signal that comes while the daemon starts is acted on once
+    // it runs.
+    let signals = Signals::new([SIGTERM, SIGINT, SIGHUP])
+        .map_err(|error| (ExitCode::Unavailable, format!("signal handlers: {error}")))?;
     logging::init().map_err(|why| (ExitCode::Usage, why))?;
     ipc_types::quiet_iceoryx2();
     let config: Config = config::load(&args.config).map_err(|error| {
@@ -99,7 +106,7 @@ fn run(args: Args) -> Result<ExitCode, (ExitCode, String)> {
     }
 
     let node = settings.node("admittanced service").map_err(|error| (ExitCode::Unavailable, error.to_string()))?;
-    let mut service = ServiceThread::open(node, &settings.instance, service_end, args.config, config)
+    let mut service = ServiceThread::open(node, &settings.instance, service_end, args.config, config, signals)
         .map_err(|why| (ExitCode::Unavailable, why))?;
     service.run(|| handle.is_finished());
     let code = handle.join().unwrap_or(ExitCode::Internal);
@@ -110,7 +117,7 @@ fn run(args: Args) -> Result<ExitCode, (ExitCode, String)> {
     Ok(code)
 }
 
-/// Logs what the real-time set-up achieved.
+/// Logs the outcome of the real-time set-up.
 fn report(reports: &[StepReport], required: bool) -> Result<(), (ExitCode, String)> {
     for report in reports {
         match &report.outcome {

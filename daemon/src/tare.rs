@@ -1,20 +1,23 @@
-//! Taring: the bias of a wrench from the last samples in free motion, the tool's weight apart.
+//! Taring: the bias of the wrench from the last samples in free motion, without the tool's weight.
 
 use std::collections::VecDeque;
 
-use admittance_core::wrench::Conditioning;
+use admittance_core::intake::Conditioning;
+use admittance_core::quantities::GivenWrench;
+use admittance_core::robot::Posture;
+use admittance_core::with_arm;
 use admittance_host::robot_description::RobotDescription;
 use ipc_types::{Fault, Mode, RecordKind, RecordSample, StateSample, TASK_AXES};
 use nalgebra::{Matrix3, SVector, Vector6};
 
-use crate::config::{Config, GivenInName, WrenchSection};
-use crate::parameters;
-use crate::settings::{AXES, unit};
+use admittance_core::quantities::{AXIS_NAMES, wrench_unit};
+use admittance_runner::config::{Config, GivenInName, WrenchSection};
+use admittance_runner::parameters;
 
 /// Samples whose mean becomes the bias.
 pub(crate) const SAMPLES: usize = 200;
-/// Difference between the means of both halves of the samples, in standard deviations that noise alone gives it, from which
-/// the wrench counts as moving.
+/// Difference between the means of both halves of the samples, in standard deviations that noise
+/// alone gives it, from which the wrench counts as moving.
 const MOVING: f64 = 5.0;
 /// The same as a part of the release threshold: noise that is correlated looks quieter than it is.
 const NEGLIGIBLE: f64 = 0.1;
@@ -26,7 +29,7 @@ pub(crate) struct FreeSamples(VecDeque<StateSample>);
 impl FreeSamples {
     /// Takes note of a cycle.
     pub(crate) fn cycle(&mut self, record: &RecordSample) {
-        let is_usable = record.kind == RecordKind::Sample.code() && record.fault == Fault::None.code();
+        let is_usable = record.kind == RecordKind::Sample.code() && record.fault == Fault::NONE;
         if !is_usable || record.command.mode != Mode::Free.code() {
             self.0.clear();
             return;
@@ -57,7 +60,7 @@ impl FreeSamples {
 /// # Errors
 /// A sentence when the wrench moves by more than its noise.
 fn bias_of(config: &Config, samples: &[StateSample]) -> Result<[f64; TASK_AXES], String> {
-    // The deadband would hide what is looked for.
+    // The deadband would hide the bias.
     let wrench = WrenchSection { deadband: None, ..config.wrench.clone() };
     let conditioning: Conditioning<TASK_AXES> =
         parameters::conditioning(&wrench).ok_or("[wrench] does not describe a sensor")?;
@@ -65,9 +68,9 @@ fn bias_of(config: &Config, samples: &[StateSample]) -> Result<[f64; TASK_AXES],
         .iter()
         .map(|state| orientation(&config.robot, state).ok_or("the configuration describes no arm that is known"))
         .collect::<Result<_, _>>()?;
-    let wrenches = || samples.iter().map(|state| Vector6::from(state.wrench)).zip(&orientations);
+    let wrenches = || samples.iter().map(|state| GivenWrench(state.wrench.into())).zip(&orientations);
     let felt: Vec<Vector6<f64>> =
-        wrenches().map(|(given, orientation)| conditioning.without_deadband(&given, orientation)).collect();
+        wrenches().map(|(given, orientation)| conditioning.without_deadband(&given, orientation).0).collect();
     let axes = (config.robot.task_axes as usize).min(TASK_AXES);
     for axis in 0..axes {
         let (drift, noise) = drift(felt.iter().map(|wrench| wrench[axis]));
@@ -76,42 +79,38 @@ fn bias_of(config: &Config, samples: &[StateSample]) -> Result<[f64; TASK_AXES],
             return Err(format!(
                 "the wrench is moving: on {} its mean went by {drift:.2} {unit} within {SAMPLES} samples, accepted: at most \
                  {accepted:.2} {unit}; let the arm rest, and nothing touch the tool",
-                AXES[axis],
-                unit = unit(axis),
+                AXIS_NAMES[axis],
+                unit = wrench_unit(axis),
             ));
         }
     }
-    let sum: Vector6<f64> = wrenches().map(|(given, orientation)| given - conditioning.unloaded(orientation)).sum();
+    let sum: Vector6<f64> = wrenches().map(|(given, orientation)| given.0 - conditioning.unloaded(orientation).0).sum();
     let mut bias: [f64; TASK_AXES] = (sum / samples.len() as f64).into();
-    // In the base frame nothing is given on the axes that the arm does not control.
+    // In the base frame the axes that the arm does not control have no reading.
     if config.wrench.given_in == GivenInName::Base {
         bias[axes..].copy_from_slice(&config.wrench.bias[axes..]);
     }
     Ok(bias)
 }
 
-/// Difference of the means of both halves, and the standard deviation that white noise as strong as the values' gives it.
+/// Difference of the means of both halves, and the standard deviation that white noise as strong as
+/// the values' gives it.
 fn drift(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let values: Vec<f64> = values.collect();
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     let (first, second) = values.split_at(values.len() / 2);
-    // Of neighbours, which a slow drift hardly changes.
+    // From differences of neighbours, which a slow drift hardly affects.
     let squares: f64 = values.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
     let variance = squares / (2.0 * (values.len() - 1) as f64);
     ((mean(second) - mean(first)).abs(), (4.0 * variance / values.len() as f64).sqrt())
 }
 
 fn orientation(robot: &RobotDescription, state: &StateSample) -> Option<Matrix3<f64>> {
-    fn of<const N: usize>(robot: &RobotDescription, state: &StateSample) -> Option<Matrix3<f64>> {
+    fn of<const N: usize, const D: usize>(robot: &RobotDescription, state: &StateSample) -> Option<Matrix3<f64>> {
         let position = SVector::<f64, N>::from_fn(|joint, _| state.joint_position[joint]);
-        Some(robot.chain::<N>()?.kinematics(&position).pose.rotation)
+        Some(Posture::<N, D>::new(&robot.chain()?, &position).pose().rotation)
     }
-    match robot.joint.len() {
-        2 => of::<2>(robot, state),
-        6 => of::<6>(robot, state),
-        7 => of::<7>(robot, state),
-        _ => None,
-    }
+    with_arm!((robot.joint.len(), robot.task_axes), <N, D> => of::<N, D>(robot, state), else None)
 }
 
 #[cfg(test)]

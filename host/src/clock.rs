@@ -3,18 +3,21 @@
 /// CLOCK_MONOTONIC in ns.
 pub fn monotonic_ns() -> u64 {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: `time` is valid for writing; CLOCK_MONOTONIC exists on every Linux, so the call cannot fail.
+    // SAFETY: `time` is valid for writing; CLOCK_MONOTONIC exists on every Linux, so the call
+    // cannot fail.
     unsafe { libc::clock_gettime(libc::CLOCK_MONOTONIC, &raw mut time) };
     time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
-/// Sleeps until CLOCK_MONOTONIC reaches `instant` ns; at once if it has. Signals do not end the sleep.
+/// Sleeps until CLOCK_MONOTONIC reaches `instant` ns; at once if it has. Signals do not end the
+/// sleep.
 pub fn sleep_until_ns(instant: u64) {
     let time = libc::timespec {
         tv_sec: (instant / 1_000_000_000) as libc::time_t,
         tv_nsec: (instant % 1_000_000_000) as libc::c_long,
     };
-    // SAFETY: `time` is valid for reading, and no remaining time is asked for with an absolute instant.
+    // SAFETY: `time` is valid for reading, and no remaining time is asked for with an absolute
+    // instant.
     while unsafe {
         libc::clock_nanosleep(libc::CLOCK_MONOTONIC, libc::TIMER_ABSTIME, &raw const time, std::ptr::null_mut())
     } == libc::EINTR
@@ -28,7 +31,8 @@ pub fn spin_until_ns(instant: u64) {
     }
 }
 
-/// Sleeps until `spin` ns before `instant`, then spins: exact to below a microsecond where the sleep wakes in time.
+/// Sleeps until `spin` ns before `instant`, then spins: exact to below a microsecond where the
+/// sleep wakes in time.
 pub fn sleep_then_spin_until_ns(instant: u64, spin: u64) {
     sleep_until_ns(instant.saturating_sub(spin));
     spin_until_ns(instant);

@@ -1,8 +1,11 @@
-//! Whether this processor has the instructions that the programs were built for (x86-64-v3, see `.cargo/config.toml`).
+//! Whether this processor has the instructions that the programs were built for (x86-64-v3, see
+//! `.cargo/config.toml`).
 
-/// The first x86-64-v3 feature that this processor lacks; `None` when it has them all, or on other architectures.
+/// The first x86-64-v3 feature that this processor lacks; `None` when it has them all, or on other
+/// architectures.
 ///
-/// It asks CPUID itself: `is_x86_feature_detected!` answers from the build flags, which is what is in question.
+/// It asks CPUID itself: `is_x86_feature_detected!` answers from the build flags, which is what is
+/// in question.
 #[cfg(target_arch = "x86_64")]
 pub fn missing_cpu_feature() -> Option<&'static str> {
     use std::arch::x86_64::{__cpuid, __cpuid_count};

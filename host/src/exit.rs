@@ -6,7 +6,7 @@
 pub enum ExitCode {
     /// Done as asked.
     Ok = 0,
-    /// The run is sound, but does not show what it was to show.
+    /// The run is valid, but does not show what it should.
     ClaimNotMet = 1,
     /// Wrong command line (EX_USAGE).
     Usage = 64,
@@ -14,7 +14,8 @@ pub enum ExitCode {
     DataError = 65,
     /// An input file is missing (EX_NOINPUT).
     NoInput = 66,
-    /// Something needed is not there, or held by another process; also a missing processor feature (EX_UNAVAILABLE).
+    /// Something needed is missing, or held by another process; also a missing processor feature
+    /// (EX_UNAVAILABLE).
     Unavailable = 69,
     /// A bug of the program itself: a panic, a broken invariant (EX_SOFTWARE).
     Internal = 70,
@@ -52,7 +53,7 @@ impl ExitCode {
         self as u8
     }
 
-    /// The code that a child process ended with, if it is one of ours.
+    /// The exit code of a child process, if it is one of ours.
     pub fn from_code(code: i32) -> Option<Self> {
         Self::ALL.into_iter().find(|exit| i32::from(exit.code()) == code)
     }

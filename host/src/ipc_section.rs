@@ -1,4 +1,5 @@
-//! The `[ipc]` section: where the two processes meet, the same in the daemon's configuration and in a plant's scenario.
+//! The `[ipc]` section: where the two processes meet, the same in the daemon's configuration and in
+//! a plant's scenario.
 
 use std::path::PathBuf;
 
@@ -19,7 +20,8 @@ config_section! {
 }
 
 impl IpcSection {
-    /// The checked settings; `instance`, `root_path` and `prefix` from a command line override the section's.
+    /// The checked settings; `instance`, `root_path` and `prefix` from a command line override the
+    /// section's.
     ///
     /// # Errors
     /// A sentence that names the setting, its value and what is accepted.

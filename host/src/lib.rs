@@ -1,5 +1,5 @@
-//! What both real-time programs need of the machine: clock, scheduling, processor check, logging, strict configuration and
-//! exit codes.
+//! What both real-time programs need from the machine: clock, scheduling, processor check, logging,
+//! strict configuration and exit codes.
 
 pub mod clock;
 pub mod config;

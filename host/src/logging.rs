@@ -1,24 +1,29 @@
-//! Where the log goes: to the journal with its fields when stderr is the journal, else to stderr as text.
+//! Where the log goes: to the journal with its fields when stderr is the journal, else to stderr as
+//! text.
 
 use std::io::IsTerminal;
 use std::os::fd::AsRawFd;
 
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::fmt;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::{EnvFilter, fmt};
 
 /// Environment variable with a filter such as `debug` or `admittanced=trace`.
 pub const FILTER_VARIABLE: &str = "ADMITTANCE_LOG";
 
-/// Starts logging for this process. The level is `info` unless the variable `ADMITTANCE_LOG` says otherwise.
+/// Starts logging for this process. The level is `info` unless the variable `ADMITTANCE_LOG` says
+/// otherwise.
 ///
 /// # Errors
-/// A sentence, when the filter is malformed, the journal cannot be reached, or logging was started before.
+/// A sentence, when the filter is malformed, the journal cannot be reached, or logging was started
+/// before.
 pub fn init() -> Result<(), String> {
     let filter = match std::env::var(FILTER_VARIABLE) {
-        Ok(text) => EnvFilter::try_new(&text)
+        Ok(text) => text
+            .parse::<Targets>()
             .map_err(|error| format!("{FILTER_VARIABLE} = \"{text}\": {error}; accepted: info, debug, CRATE=LEVEL"))?,
-        Err(_) => EnvFilter::new("info"),
+        Err(_) => Targets::new().with_default(LevelFilter::INFO),
     };
     let registry = tracing_subscriber::registry().with(filter);
     let result = if stderr_is_journal() {

@@ -1,5 +1,5 @@
-//! Scheduling of a real-time process: memory lock, idle states, prefaulted stack, SCHED_FIFO, affinity, timer slack. Each step
-//! is reported; one that the system refuses says what to change.
+//! Scheduling of a real-time process: memory lock, idle states, prefaulted stack, SCHED_FIFO,
+//! affinity, timer slack. Each step is reported; one that the system refuses says what to change.
 
 use std::fs::OpenOptions;
 use std::io::{self, Write};
@@ -8,7 +8,8 @@ use std::os::fd::IntoRawFd;
 use crate::config_section;
 
 config_section! {
-    /// How a real-time thread runs. What the system refuses is a warning, unless require_realtime is set.
+    /// How a real-time thread runs. What the system refuses is a warning, unless require_realtime
+    /// is set.
     pub struct RealtimeSection {
         /// Lock all memory, so that no page fault delays a cycle.
         lock_memory: bool = false;
@@ -16,8 +17,9 @@ config_section! {
         priority: u32 = 0, unit "1", range 0..=98;
         /// Processor to run on; any when absent.
         cpu: Option<u32>, unit "1", range 0..=1023;
-        /// Keeps every processor out of idle states that take longer than this to wake from, as long as the process lives; 0
-        /// keeps them from sleeping at all. As the system has it when absent.
+        /// Keeps every processor out of idle states that take longer than this to wake from, as
+        /// long as the process lives; 0 keeps them from sleeping at all. The system's setting
+        /// applies when absent.
         cpu_dma_latency_us: Option<u32>, unit "us", range 0..=10000;
         /// Whether a refused step is an error.
         require_realtime: bool = false;
@@ -47,18 +49,20 @@ pub struct StepReport {
 /// Stack that is touched beforehand, in bytes.
 const PREFAULTED_STACK: usize = 256 * 1024;
 
-/// Where the kernel takes how long processors may take to wake. The request holds while the file is open.
+/// Where the kernel takes how long processors may take to wake. The request holds while the file is
+/// open.
 pub const CPU_DMA_LATENCY: &str = "/dev/cpu_dma_latency";
 
-/// Makes process and calling thread real-time as the section asks: memory, idle states, and [`apply_to_thread`]. Call it
-/// when shared memory is mapped, so that the lock makes it present.
+/// Makes process and calling thread real-time as the section asks: memory, idle states, and
+/// [`apply_to_thread`]. Call it when shared memory is mapped, so that the lock makes it present.
 pub fn go_real_time(section: &RealtimeSection) -> Vec<StepReport> {
     let mut reports = vec![lock_memory(section), limit_wake_up_latency(section)];
     reports.extend(apply_to_thread(section));
     reports
 }
 
-/// Locks the process's memory, present and future, if asked to. Call it when shared memory is mapped.
+/// Locks the process's memory, present and future, if asked to. Call it when shared memory is
+/// mapped.
 pub fn lock_memory(section: &RealtimeSection) -> StepReport {
     let step = "lock memory".to_owned();
     if !section.lock_memory {
@@ -89,7 +93,7 @@ pub fn limit_wake_up_latency(section: &RealtimeSection) -> StepReport {
     let request = || -> io::Result<()> {
         let mut file = OpenOptions::new().write(true).open(CPU_DMA_LATENCY)?;
         file.write_all(&(latency as i32).to_ne_bytes())?;
-        // Closed, the request would end: it is to last as long as the process.
+        // Closing it would end the request, which must last as long as the process.
         let _ = file.into_raw_fd();
         Ok(())
     };
@@ -113,7 +117,8 @@ fn may_lock_without_limit() -> bool {
         .is_some_and(|mask| mask >> CAP_IPC_LOCK & 1 == 1)
 }
 
-/// Makes the calling thread real-time as the section asks: stack, timer slack, affinity, SCHED_FIFO.
+/// Makes the calling thread real-time as the section asks: stack, timer slack, affinity,
+/// SCHED_FIFO.
 pub fn apply_to_thread(section: &RealtimeSection) -> Vec<StepReport> {
     let mut reports = Vec::new();
     let mut report = |step: String, requested: bool, outcome: &dyn Fn() -> Result<(), String>| {
@@ -135,7 +140,8 @@ pub fn apply_to_thread(section: &RealtimeSection) -> Vec<StepReport> {
     });
     let cpu = section.cpu.unwrap_or(0) as usize;
     report(format!("run on processor {cpu}"), section.cpu.is_some(), &|| {
-        // SAFETY: an all-zero cpu_set_t is the empty set; CPU_SET stays in bounds, since the section's range ends at 1023.
+        // SAFETY: an all-zero cpu_set_t is the empty set; CPU_SET stays in bounds, since the
+        // section's range ends at 1023.
         let set = unsafe {
             let mut set: libc::cpu_set_t = std::mem::zeroed();
             libc::CPU_SET(cpu, &mut set);
@@ -155,7 +161,8 @@ pub fn apply_to_thread(section: &RealtimeSection) -> Vec<StepReport> {
     reports
 }
 
-/// Has the kernel kill this process when its parent thread ends: for processes that a demo or a test starts.
+/// Has the kernel kill this process when its parent thread ends: for processes that a demo or a
+/// test starts.
 pub fn die_with_parent() -> io::Result<()> {
     // SAFETY: PR_SET_PDEATHSIG takes a signal number.
     checked(unsafe { libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL) })

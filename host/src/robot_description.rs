@@ -1,6 +1,8 @@
-//! The `[robot]` section: one description of the arm for the daemon's configuration and the plant's scenarios.
+//! The `[robot]` section: one description of the arm for the daemon's configuration and the plant's
+//! scenarios.
 
-use admittance_core::robot::{Chain, Joint, Pose, rotation_from_rpy};
+use admittance_core::robot::{Chain, Joint, Pose, SUPPORTED_ARMS, rotation_from_rpy};
+use admittance_core::with_arm;
 
 use crate::config::ConfigError;
 
@@ -11,7 +13,8 @@ crate::config_section! {
         origin_m: [f64; 3], unit "m", range -10.0..=10.0;
         /// Orientation of the joint frame in the parent's frame: fixed-axis roll, pitch, yaw.
         origin_rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;
-        /// Axis in the joint frame about which a positive angle turns right-handed; any length above zero.
+        /// Axis in the joint frame about which a positive angle turns right-handed; any length
+        /// above zero.
         axis: [f64; 3] = [0.0, 0.0, 1.0], unit "1", range -1.0..=1.0;
     }
 }
@@ -31,7 +34,8 @@ crate::config_section! {
     pub struct RobotDescription {
         /// What logs call it.
         name: String, length 1..=64;
-        /// Number of task axes that the arm controls, out of x y z rx ry rz: 2 for a planar arm, 6 for a spatial one.
+        /// Number of task axes that the arm controls, out of x y z rx ry rz: 2 for a planar arm, 6
+        /// for a spatial one.
         task_axes: u32, unit "axes", range 2..=6;
         /// Time constant T_V of each joint's speed loop (4), base first.
         velocity_time_constant_s: Vec<f64>, unit "s", range 0.0005..=0.5, length 2..=8;
@@ -40,10 +44,10 @@ crate::config_section! {
         /// Where the TCP is in the last link's frame.
         tool: ToolDescription;
     }
-    cross_check one_time_constant_for_each_joint;
+    cross_check check_arm;
 }
 
-fn one_time_constant_for_each_joint(robot: &RobotDescription, path: &str, errors: &mut Vec<ConfigError>) {
+fn check_arm(robot: &RobotDescription, path: &str, errors: &mut Vec<ConfigError>) {
     let (joints, constants) = (robot.joint.len(), robot.velocity_time_constant_s.len());
     if joints != constants {
         let accepted = format!("{joints} values, one for each [[{path}.joint]]");
@@ -53,14 +57,10 @@ fn one_time_constant_for_each_joint(robot: &RobotDescription, path: &str, errors
             accepted,
         ));
     }
-    let pair = (joints, robot.task_axes);
-    if !matches!(pair, (2, 2) | (6, 6) | (7, 6)) {
-        let accepted = "2 with 2 joints, 6 with 6 or 7 joints";
-        errors.push(ConfigError::new(
-            format!("{path}.task_axes"),
-            format!("{} with {joints} joints", pair.1),
-            accepted,
-        ));
+    let axes = robot.task_axes;
+    if !with_arm!((joints, axes), <_N, _D> => true, else false) {
+        let found = format!("{axes} with {joints} joints");
+        errors.push(ConfigError::new(format!("{path}.task_axes"), found, SUPPORTED_ARMS));
     }
     for (index, joint) in robot.joint.iter().enumerate() {
         if joint.axis.iter().map(|a| a * a).sum::<f64>() < 1e-6 {

@@ -1,4 +1,5 @@
-//! What changes the whole process, each in a process of its own: this test binary starts itself again in a role.
+//! What changes the whole process, each in a process of its own: this test binary starts itself
+//! again in a role.
 
 use std::fs;
 use std::os::linux::fs::MetadataExt;
@@ -123,7 +124,8 @@ fn real_time_role() {
                 let list = status.lines().find(|line| line.starts_with("Cpus_allowed_list:")).expect("the list");
                 assert_eq!(list.split_whitespace().last(), Some(cpu.to_string().as_str()));
             }
-            // That one stays open is tested where it is opened; a stack has no trace to look at.
+            // The open file is tested where it is opened; a prefaulted stack leaves no trace to
+            // check.
             StepOutcome::Done if is("wake-up latency") || is("stack") => {}
             StepOutcome::Done => panic!("an unknown step: {report:?}"),
             StepOutcome::Refused(why) if is("lock memory") => assert!(why.contains("LimitMEMLOCK"), "{why}"),
@@ -147,7 +149,7 @@ fn a_child_dies_with_its_parent() {
     let text = String::from_utf8_lossy(&output.stdout);
     let pid = text.split("CHILD ").nth(1).and_then(|rest| rest.split_whitespace().next()).expect("a pid");
     let pid: libc::pid_t = pid.parse().expect("a number");
-    // Its parent has ended. Reaping it is the business of whoever adopts it: a zombie is dead enough.
+    // Its parent has ended. Its adoptive parent reaps it: a zombie counts as ended.
     let is_alive = || {
         fs::read_to_string(format!("/proc/{pid}/stat"))
             .is_ok_and(|stat| !matches!(stat.rsplit(") ").next().map(|rest| &rest[..1]), Some("Z" | "X")))

@@ -267,7 +267,8 @@ def main(arguments):
         return 78
     try:
         result, unanswered = run(contract, root_path, prefix, instance)
-    except Exception as error:  # iceoryx2 raises one exception type per operation, without a common base
+    # iceoryx2 raises one exception type per operation, without a common base.
+    except Exception as error:
         print(f"foreign_client: instance {instance} in {root_path} ({prefix}): {error!r}", file=sys.stderr)
         return 69
     print(json.dumps(result))

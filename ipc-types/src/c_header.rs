@@ -2,7 +2,8 @@
 
 use std::fmt::{Result, Write};
 
-use crate::layout::{EnumInfo, FieldInfo, SampleInfo};
+use crate::layout::{FieldInfo, SampleInfo};
+use crate::schema::EnumEntry;
 use crate::schema::{Schema, ServiceEntry, schema};
 
 /// The text of the header.
@@ -41,7 +42,7 @@ fn write_header(out: &mut String, schema: &Schema) -> Result {
     for service in &schema.services {
         write_service(out, service)?;
     }
-    for enumeration in schema.enums {
+    for enumeration in &schema.enums {
         write_enum(out, enumeration)?;
     }
     for sample in schema.types {
@@ -56,10 +57,10 @@ fn write_service(out: &mut String, service: &ServiceEntry) -> Result {
     writeln!(out, "#define ADMITTANCED_SERVICE_{name} \"{format}\" /* {} */", service.meaning)
 }
 
-fn write_enum(out: &mut String, enumeration: &EnumInfo) -> Result {
+fn write_enum(out: &mut String, enumeration: &EnumEntry) -> Result {
     writeln!(out, "\n/* {} {} */", enumeration.name, enumeration.meaning)?;
     let prefix = screaming(&snake(enumeration.name));
-    for value in enumeration.values {
+    for value in &enumeration.values {
         let name = screaming(&snake(value.name));
         writeln!(out, "#define ADMITTANCED_{prefix}_{name} {}u /* {} */", value.code, value.meaning)?;
     }

@@ -1,5 +1,5 @@
-//! Why a service cannot be opened or a port cannot be made: iceoryx2's many codes, sorted by what a person can do about
-//! them.
+//! Why a service cannot be opened or a port cannot be made: iceoryx2's many codes, sorted by what a
+//! person can do about them.
 
 use iceoryx2::port::listener::ListenerCreateError;
 use iceoryx2::port::notifier::NotifierCreateError;
@@ -18,7 +18,8 @@ use iceoryx2::service::port_factory::server::ServerCreateError;
 /// Why a service could not be opened or created.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ServiceError {
-    /// Nobody has created the service: its program does not run, or runs with another instance, root path or prefix.
+    /// The service does not exist: its program does not run, or runs with another instance, root
+    /// path or prefix.
     #[error(
         "no service {service} in {root_path} with prefix \"{prefix}\": is {program} running with this instance, root \
          path \
@@ -34,7 +35,7 @@ pub enum ServiceError {
         /// Prefix that was searched.
         prefix: String,
     },
-    /// The service exists with other sample types: another schema version, or a foreign program.
+    /// The service exists with other sample types: another version, or a foreign program.
     #[error(
         "service {service} carries {found}, this program speaks {expected}: use programs of the same admittanced \
          version, \
@@ -48,7 +49,7 @@ pub enum ServiceError {
         /// Type names and sizes of this contract.
         expected: String,
     },
-    /// The service exists with a messaging pattern, buffer size or port count that does not suffice.
+    /// The service exists with another messaging pattern, or with too small a buffer or port count.
     #[error(
         "service {service} exists with another quality of service ({cause}): end the program that created it, and let \
          {program} or a client that follows the schema create it"
@@ -80,7 +81,7 @@ pub enum ServiceError {
         /// Root path.
         root_path: String,
     },
-    /// As many nodes as the quality of service allows have it open.
+    /// The number of nodes that the quality of service allows is reached.
     #[error(
         "service {service} is open in as many nodes as it allows: end a reader (admittancectl, recorder) and try again"
     )]
@@ -88,7 +89,7 @@ pub enum ServiceError {
         /// Service name.
         service: String,
     },
-    /// It is being created or removed at this moment.
+    /// It is being created or removed right now.
     #[error("service {service} is being created or removed by another process ({cause}): try again")]
     Busy {
         /// Service name.
@@ -165,7 +166,7 @@ pub enum PortError {
     },
 }
 
-/// What kind of failure an iceoryx2 code of a service builder is.
+/// The kind of failure behind an iceoryx2 service builder's code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     NotFound,
@@ -270,9 +271,9 @@ classify_either!(PublishSubscribeOpenOrCreateError: PublishSubscribeOpenError, P
 classify_either!(EventOpenOrCreateError: EventOpenError, EventCreateError);
 classify_either!(RequestResponseOpenOrCreateError: RequestResponseOpenError, RequestResponseCreateError);
 
-/// What kind of failure an iceoryx2 code of a port builder is.
+/// The kind of failure behind an iceoryx2 port builder's code.
 pub(crate) trait ClassifyPort: core::fmt::Debug {
-    /// The most ports that the service allows exist.
+    /// The number of ports that the service allows is reached.
     fn is_too_many(&self) -> bool;
     /// The port's shared memory could not be made.
     fn is_memory(&self) -> bool;

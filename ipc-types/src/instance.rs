@@ -6,7 +6,8 @@ use std::str::FromStr;
 /// Longest instance name, in bytes.
 pub const MAX_INSTANCE_LENGTH: usize = 32;
 
-/// The name of one daemon with its robot: `[a-z0-9][a-z0-9_-]{0,31}`. It is part of every service name.
+/// The name of one daemon with its robot: `[a-z0-9][a-z0-9_-]{0,31}`. It is part of every service
+/// name.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Instance(String);
@@ -33,7 +34,7 @@ pub enum InstanceError {
         /// What it starts with.
         character: char,
     },
-    /// A character that is not accepted anywhere.
+    /// A character that is not accepted in any position.
     #[error("instance name \"{name}\" contains '{character}': accepted are a-z, 0-9, _ and -")]
     Character {
         /// The name.

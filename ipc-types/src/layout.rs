@@ -1,10 +1,10 @@
-//! What a sample or an enum of the wire contract looks like, as data: the schema and the C header are written from this
-//! alone.
+//! The layout of samples and enums of the wire contract, as data: the schema and the C header are
+//! generated from this alone.
 
 use serde_json::Value;
 
-/// A type that may appear in a sample: `u8`, `u32`, `u64`, `f64`, arrays of them with one or two dimensions, and another
-/// sample.
+/// A type that may appear in a sample: `u8`, `u32`, `u64`, `f64`, arrays of them with one or two
+/// dimensions, and another sample.
 pub trait WireType: Copy {
     /// Name of the scalar, or of the sample, in the schema.
     const SCALAR: &'static str;
@@ -16,11 +16,13 @@ pub trait WireType: Copy {
     /// Whether two values are the same to the bit; two NaN are, whatever their payloads.
     fn same_bits(&self, other: &Self) -> bool;
 
-    /// The value as JSON, from which [`Self::from_json`] makes the same bits again (of a NaN, only that it is one): numbers
-    /// as numbers, those that JSON lacks as "NaN", "inf" and "-inf", arrays as one list, row after row, samples as objects.
+    /// The value as JSON, from which [`Self::from_json`] makes the same bits again (of a NaN, only
+    /// that it is one): numbers as numbers, those that JSON lacks as "NaN", "inf" and "-inf",
+    /// arrays as one list, row after row, samples as objects.
     fn to_json(&self) -> Value;
 
-    /// The value that [`Self::to_json`] wrote; `None` when it is another type's, or a field is missing.
+    /// The value that [`Self::to_json`] wrote; `None` when it is another type's, or a field is
+    /// missing.
     fn from_json(value: &Value) -> Option<Self>;
 }
 
@@ -128,7 +130,8 @@ impl<T: WireScalar, const N: usize, const M: usize> WireType for [[T; N]; M] {
 pub struct FieldInfo {
     /// Name in Rust, C and the schema.
     pub name: &'static str,
-    /// Scalar type: `u8`, `u32`, `u64` or `f64`; or the name of the sample type that the field holds.
+    /// Scalar type: `u8`, `u32`, `u64` or `f64`; or the name of the sample type that the field
+    /// holds.
     #[serde(rename = "type")]
     pub scalar: &'static str,
     /// Dimensions, outermost first; empty for a scalar.
@@ -151,7 +154,7 @@ pub struct FieldInfo {
 pub struct SampleInfo {
     /// Name in Rust, C and the schema.
     pub name: &'static str,
-    /// Name that iceoryx2 compares when a service is opened; it ends in the schema version.
+    /// Name that iceoryx2 compares when a service is opened; it ends in the version of the sample.
     pub type_name: &'static str,
     /// Bytes.
     pub size: usize,
@@ -165,36 +168,8 @@ pub struct SampleInfo {
     pub fields: &'static [FieldInfo],
 }
 
-/// One value of a wire enum.
-#[derive(Debug, Clone, Copy, serde::Serialize)]
-pub struct EnumValueInfo {
-    /// Name in Rust, C and the schema.
-    pub name: &'static str,
-    /// The code on the wire.
-    pub code: u32,
-    /// What it says.
-    pub meaning: &'static str,
-}
-
-/// One wire enum: a `u32` with named codes.
-#[derive(Debug, Clone, Copy, serde::Serialize)]
-pub struct EnumInfo {
-    /// Name in Rust, C and the schema.
-    pub name: &'static str,
-    /// What it is.
-    pub meaning: &'static str,
-    /// Its values.
-    pub values: &'static [EnumValueInfo],
-}
-
 /// A sample of the wire contract, declared by `wire_sample!`.
 pub trait WireSample: WireType + core::fmt::Debug + iceoryx2::prelude::ZeroCopySend + 'static {
     /// Its layout and meaning.
     const INFO: SampleInfo;
-}
-
-/// An enum of the wire contract, declared by `wire_enum!`.
-pub trait WireEnum: Copy + 'static {
-    /// Its codes and their meaning.
-    const INFO: EnumInfo;
 }

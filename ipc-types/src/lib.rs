@@ -1,14 +1,17 @@
-//! The wire contract of admittanced: what travels through shared memory between the motion controller, the daemon and
-//! its tools, under which service names, and with which quality of service.
+//! The wire contract of admittanced: what travels through shared memory between the motion
+//! controller, the daemon and its tools, under which service names, and with which quality of
+//! service.
 //!
-//! - [`StateSample`], [`CommandSample`], [`TruthSample`], [`RequestSample`], [`ResponseSample`], [`RecordSample`],
+//! - [`StateSample`], [`CommandSample`], [`TruthSample`], [`RequestSample`], [`ResponseSample`],
+//!   [`RecordSample`],
 //!   [`DiagnosticsSample`]: fixed-size samples.
 //! - [`services`]: one function per service.
 //! - [`IpcSettings`]: root path, prefix and instance, from which nodes are made.
 //! - [`schema`]: the contract as JSON and as a C header, for clients in other languages.
 //!
-//! The schema version is part of every type name. iceoryx2 compares type name, size and alignment when a service is
-//! opened, but not the order of the fields: a changed layout needs a new version.
+//! Every type name ends in the version of its sample. iceoryx2 compares type name, size and
+//! alignment when a service is opened, but not the order of the fields: a changed layout needs a
+//! new version.
 
 #[macro_use]
 mod macros;
@@ -20,6 +23,7 @@ mod ports;
 mod removal;
 mod samples;
 mod settings;
+mod virtual_plant;
 
 pub mod c_header;
 pub mod layout;
@@ -33,7 +37,9 @@ pub use enums::{
 };
 pub use errors::{PortError, ServiceError};
 pub use instance::{Instance, InstanceError, MAX_INSTANCE_LENGTH};
-pub use ports::{Client, Event, Listener, Notifier, PublishSubscribe, Publisher, RequestResponse, Server, Subscriber};
+pub use ports::{
+    Client, Event, Listener, Notifier, PublishSubscribe, Publisher, RequestResponse, Server, Slot, Subscriber,
+};
 pub use removal::{RemoveError, remove_all, shared_memory_files};
 pub use samples::{
     CommandSample, DiagnosticsSample, RecordSample, RequestSample, ResponseSample, SAMPLES, StateSample, TruthSample,
@@ -43,8 +49,10 @@ pub use services::Access;
 pub use settings::{
     DEFAULT_PREFIX, DEFAULT_ROOT_PATH, IpcSettings, MAX_PREFIX_LENGTH, Node, NodeError, SettingsError, quiet_iceoryx2,
 };
+pub use virtual_plant::VirtualPlant;
 
-/// Version of the samples' layout and meaning; the type names end in it.
+/// Version of what is common to all services: their names, their quality of service, and the codes.
+/// A sample's layout has a version of its own, in its type name.
 pub const SCHEMA_VERSION: u32 = 1;
 /// Joints that a sample can hold.
 pub const MAX_JOINTS: usize = 8;

@@ -1,8 +1,8 @@
-//! The two macros that declare the wire contract. From one declaration come the Rust type, its documentation, the
-//! compile-time layout checks, the schema entry and the C header.
+//! The macro that declares a sample of the wire contract. From one declaration come the Rust type,
+//! its documentation, the compile-time layout checks, the schema entry and the C header.
 
-/// Declares a sample. Per field: byte offset, name, type, optionally `as` the wire enum of its codes, `[unit, range]`,
-/// meaning.
+/// Declares a sample. Per field: byte offset, name, type, optionally `as` the wire enum of its
+/// codes, `[unit, range]`, meaning.
 macro_rules! wire_sample {
     (
         $(#[doc = $doc:literal])+
@@ -13,6 +13,7 @@ macro_rules! wire_sample {
             )+
         }
     ) => {
+        #[allow(rustdoc::broken_intra_doc_links, reason = "the same words are the schema's, where brackets are no links")]
         $(#[doc = $doc])+
         #[doc = ""]
         #[doc = concat!("Written by ", $writer, ". ", stringify!($size), " bytes, type name `", $type_name, "`.")]
@@ -100,71 +101,6 @@ macro_rules! wire_sample {
     };
     (@enumeration $ty:ty) => { None };
     (@enumeration $ty:ty, $enumeration:ident) => {
-        Some(<$crate::$enumeration as $crate::layout::WireEnum>::INFO.name)
-    };
-}
-
-/// Declares a wire enum: a `u32` on the wire. Per value: name, code, meaning.
-macro_rules! wire_enum {
-    (
-        $(#[doc = $doc:literal])+
-        enum $name:ident {
-            $( $value:ident = $code:literal $meaning:literal; )+
-        }
-    ) => {
-        $(#[doc = $doc])+
-        #[repr(u32)]
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-        pub enum $name {
-            $( #[doc = concat!($meaning, " Code ", stringify!($code), ".")] $value = $code, )+
-        }
-
-        impl $name {
-            /// Every value, in the order of declaration.
-            pub const ALL: &'static [Self] = &[$( Self::$value, )+];
-
-            /// The value of a code; `None` for a code that this schema version does not know.
-            pub const fn from_code(code: u32) -> Option<Self> {
-                match code {
-                    $( $code => Some(Self::$value), )+
-                    _ => None,
-                }
-            }
-
-            /// The code on the wire.
-            pub const fn code(self) -> u32 {
-                self as u32
-            }
-
-            /// The name in the schema.
-            pub const fn name(self) -> &'static str {
-                match self {
-                    $( Self::$value => stringify!($value), )+
-                }
-            }
-
-            /// What the value says, as a sentence.
-            pub const fn meaning(self) -> &'static str {
-                match self {
-                    $( Self::$value => $meaning, )+
-                }
-            }
-        }
-
-        impl core::fmt::Display for $name {
-            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-                f.pad(self.name())
-            }
-        }
-
-        impl $crate::layout::WireEnum for $name {
-            const INFO: $crate::layout::EnumInfo = $crate::layout::EnumInfo {
-                name: stringify!($name),
-                meaning: concat!($($doc),+).trim_ascii(),
-                values: &[$(
-                    $crate::layout::EnumValueInfo { name: stringify!($value), code: $code, meaning: $meaning },
-                )+],
-            };
-        }
+        Some(<$crate::$enumeration as admittance_vocabulary::Named>::INFO.name)
     };
 }

@@ -1,7 +1,10 @@
 //! Open services and the ports that they make.
 
+use core::mem::MaybeUninit;
+
 use iceoryx2::port;
 use iceoryx2::prelude::{BackpressureStrategy, MessagingPattern, PortFactory as _, Service as _, ServiceName, ipc};
+use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2::service::port_factory;
 
 use crate::errors::{Classify, ClassifyPort, Kind, PortError, ServiceError};
@@ -11,6 +14,8 @@ use crate::{Node, RequestSample, ResponseSample};
 
 /// Sends samples of one type; `send` never waits.
 pub type Publisher<T> = port::publisher::Publisher<ipc::Service, T, ()>;
+/// Space for a sample in shared memory, loaned by a publisher.
+pub type Slot<T> = SampleMutUninit<ipc::Service, MaybeUninit<T>, ()>;
 /// Receives samples of one type; `receive` never waits.
 pub type Subscriber<T> = port::subscriber::Subscriber<ipc::Service, T, ()>;
 /// Wakes listeners.
@@ -60,7 +65,7 @@ impl<T: WireSample> PublishSubscribe<T> {
         })
     }
 
-    /// iceoryx2's own handle, for instance to count publishers.
+    /// iceoryx2's handle, for instance to count publishers.
     pub fn factory(&self) -> &port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()> {
         &self.factory
     }
@@ -122,8 +127,8 @@ impl RequestResponse {
         })
     }
 
-    /// Makes a client. It never waits for the server: give each request a deadline, and each wait for a response an
-    /// end.
+    /// Makes a client. It never waits for the server: give each request a deadline, and each wait
+    /// for a response an end.
     ///
     /// # Errors
     /// [`PortError`].

@@ -53,7 +53,8 @@ pub struct RequestResponseQos {
     pub max_borrowed_responses_per_pending_response: usize,
     /// A full request buffer drops its oldest request; the client never waits for a stopped server.
     pub enable_safe_overflow_for_requests: bool,
-    /// A full response buffer drops its oldest response; the server never waits for a stopped client.
+    /// A full response buffer drops its oldest response; the server never waits for a stopped
+    /// client.
     pub enable_safe_overflow_for_responses: bool,
     /// Whether a request is served although its client no longer waits for the response.
     pub enable_fire_and_forget_requests: bool,
@@ -74,7 +75,8 @@ pub struct ServiceSpec<Q> {
     pub writer: &'static str,
     /// Who subscribes, listens or serves.
     pub reader: &'static str,
-    /// Sample types: one for publish-subscribe, request and response for request-response, none for events.
+    /// Sample types: one for publish-subscribe, request and response for request-response, none for
+    /// events.
     pub samples: &'static [SampleInfo],
     /// Quality of service.
     pub qos: Q,

@@ -1,4 +1,5 @@
-//! Removal of everything that a private root path and prefix left behind, for the demo and for tests.
+//! Removal of everything that a private root path and prefix left behind, for the demo and for
+//! tests.
 
 use std::io;
 use std::os::unix::ffi::OsStrExt;
@@ -18,7 +19,7 @@ pub enum RemoveError {
     /// The settings themselves are not accepted.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// The prefix is iceoryx2's own: files of strangers carry it too.
+    /// The prefix is iceoryx2's default: other programs' files have it too.
     #[error("prefix \"{prefix}\" may belong to other programs: only files of a private prefix are removed")]
     SharedPrefix {
         /// The prefix.
@@ -30,7 +31,8 @@ pub enum RemoveError {
         /// The root path.
         root_path: PathBuf,
     },
-    /// The root path holds something that iceoryx2 with this prefix did not make. Nothing was removed.
+    /// The root path contains something that iceoryx2 did not make with this prefix. Nothing was
+    /// removed.
     #[error(
         "{} holds {}, which does not belong to iceoryx2 with this prefix: nothing was removed",
         root_path.display(),
@@ -52,12 +54,14 @@ pub enum RemoveError {
     },
 }
 
-/// Removes the private root directory with its sockets, discovery files and `*.lock` files, and every file in
-/// `/dev/shm` that iceoryx2 made with the private prefix. Call it when all programs that used them have ended: under a
-/// running one it splits the system silently. Nothing there is no error.
+/// Removes the private root directory with its sockets, discovery files and `*.lock` files, and
+/// every file in `/dev/shm` that iceoryx2 made with the private prefix. Call it when all programs
+/// that used them have ended: under a running one it splits the system silently. Nothing there is
+/// no error.
 ///
 /// # Errors
-/// [`RemoveError`]; refused before anything is removed when the prefix or the root path may be someone else's.
+/// [`RemoveError`]; refused before anything is removed when the prefix or the root path may be
+/// someone else's.
 pub fn remove_all(settings: &IpcSettings) -> Result<(), RemoveError> {
     if settings.prefix.is_empty() || settings.prefix == DEFAULT_PREFIX {
         return Err(RemoveError::SharedPrefix { prefix: settings.prefix.clone() });
@@ -78,7 +82,8 @@ pub fn remove_all(settings: &IpcSettings) -> Result<(), RemoveError> {
     ignore_missing(root_path, std::fs::remove_dir_all(root_path))
 }
 
-/// The files in `/dev/shm` that iceoryx2 made with this prefix: what programs with it use or left behind.
+/// The files in `/dev/shm` that iceoryx2 made with this prefix: what programs with it use or left
+/// behind.
 ///
 /// # Errors
 /// [`RemoveError::Io`] when `/dev/shm` cannot be read.
@@ -106,8 +111,9 @@ fn is_ours(entry: &Path, prefix: &str) -> bool {
         || entry.extension().is_some_and(|e| e == "lock")
 }
 
-/// iceoryx2 names: the prefix and a decimal id up to the first dot (root path), or the prefix, 40 hexadecimal digits
-/// and `_` (`/dev/shm`). So strict, because the prefix "a" must not cover the files of the prefix "a_b".
+/// iceoryx2 names: the prefix and a decimal id up to the first dot (root path), or the prefix, 40
+/// hexadecimal digits and `_` (`/dev/shm`). This strict because the prefix "a" must not match the
+/// files of the prefix "a_b".
 fn carries(entry: &Path, prefix: &str) -> bool {
     let name = entry.file_name().unwrap_or_default().as_bytes();
     let Some(rest) = name.strip_prefix(prefix.as_bytes()) else { return false };

@@ -1,9 +1,11 @@
-//! The contract as JSON: everything that a client in any language needs, taken from the declarations themselves.
+//! The contract as JSON: everything that a client in any language needs, taken from the
+//! declarations themselves.
 
+use admittance_vocabulary::{EnumInfo, EnumValueInfo};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::layout::{EnumInfo, EnumValueInfo, FieldInfo, SampleInfo};
+use crate::layout::{FieldInfo, SampleInfo};
 use crate::qos::{EventQos, PublishSubscribeQos, RequestResponseQos, ServiceSpec};
 use crate::services::{COMMAND, COMMAND_ARRIVAL, DIAGNOSTICS, RECORD, REQUEST, STATE, STATE_ARRIVAL, TRUTH};
 use crate::{ENUMS, MAX_JOINTS, MAX_PLAN, QUANTILES, REQUEST_VALUES, SAMPLES, SCHEMA_VERSION, TASK_AXES, TEXT_LENGTH};
@@ -26,7 +28,29 @@ pub struct Schema {
     /// Every sample type.
     pub types: &'static [SampleInfo],
     /// Every enum.
-    pub enums: &'static [EnumInfo],
+    pub enums: Vec<EnumEntry>,
+}
+
+/// One enum: a `u32` with named codes.
+#[derive(Debug, Clone, Serialize)]
+pub struct EnumEntry {
+    /// Name in Rust, C and the schema.
+    pub name: &'static str,
+    /// What it is.
+    pub meaning: &'static str,
+    /// Its values.
+    pub values: Vec<EnumValueEntry>,
+}
+
+/// One value of an enum.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct EnumValueEntry {
+    /// Name in Rust, C and the schema.
+    pub name: &'static str,
+    /// The code on the wire.
+    pub code: u32,
+    /// What it says.
+    pub meaning: &'static str,
 }
 
 /// What holds for every field.
@@ -82,7 +106,8 @@ pub struct ServiceEntry {
     pub pattern: Pattern,
 }
 
-/// Pattern of a service with its types (names of entries in `types`, and their type names) and quality of service.
+/// Pattern of a service with its types (names of entries in `types`, and their type names) and
+/// quality of service.
 #[derive(Debug, Clone, Serialize)]
 #[serde(tag = "messaging_pattern", rename_all = "kebab-case")]
 pub enum Pattern {
@@ -141,7 +166,7 @@ pub fn schema() -> Schema {
         instance_pattern: "[a-z0-9][a-z0-9_-]{0,31}",
         services: services(),
         types: SAMPLES,
-        enums: ENUMS,
+        enums: ENUMS.iter().map(enum_entry).collect(),
     }
 }
 
@@ -150,7 +175,8 @@ pub fn schema_json() -> String {
     serde_json::to_string_pretty(&schema()).expect("strings, numbers and lists only: nothing that JSON cannot hold")
 }
 
-/// The JSON schema of a sample as [`WireType::to_json`](crate::layout::WireType::to_json) writes it.
+/// The JSON schema of a sample as [`WireType::to_json`](crate::layout::WireType::to_json) writes
+/// it.
 pub fn json_schema(sample: &SampleInfo) -> Value {
     let properties: serde_json::Map<String, Value> =
         sample.fields.iter().map(|field| (field.name.to_owned(), field_schema(field))).collect();
@@ -170,7 +196,7 @@ fn field_schema(field: &FieldInfo) -> Value {
         "u8" | "u32" | "u64" => json!({ "type": "integer" }),
         sample => SAMPLES.iter().find(|known| known.name == sample).map_or(Value::Null, json_schema),
     };
-    // Foxglove refuses lists of lists: rows follow each other.
+    // Foxglove refuses nested lists: rows follow each other.
     let mut layout = String::new();
     if !field.shape.is_empty() {
         let length: usize = field.shape.iter().product();
@@ -187,6 +213,11 @@ fn field_schema(field: &FieldInfo) -> Value {
     schema["description"] =
         Value::from(format!("{}{layout} Unit: {}. Range: {}.", field.meaning, field.unit, field.range));
     schema
+}
+
+fn enum_entry(info: &EnumInfo) -> EnumEntry {
+    let value = |value: &EnumValueInfo| EnumValueEntry { name: value.name, code: value.code, meaning: value.meaning };
+    EnumEntry { name: info.name, meaning: info.meaning, values: info.values.iter().map(value).collect() }
 }
 
 fn services() -> Vec<ServiceEntry> {

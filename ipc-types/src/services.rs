@@ -1,5 +1,5 @@
-//! The services of the contract: one table of names and quality of service, and one function per service that applies
-//! it.
+//! The services of the contract: one table of names and quality of service, and one function per
+//! service that applies it.
 
 use iceoryx2::prelude::ServiceName;
 
@@ -15,9 +15,10 @@ use crate::{
 /// How a service is reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
-    /// Create it when it is not there: the daemon, the motion controller, and plant-sim for its truth.
+    /// Create it when it is not there: the daemon, the motion controller, and plant-sim for its
+    /// truth.
     OpenOrCreate,
-    /// Only open it: everyone else, so that a reader never fixes the quality of service.
+    /// Only open it: for all others, so that a reader never decides the quality of service.
     Open,
 }
 
@@ -35,7 +36,8 @@ const NEWEST: PublishSubscribeQos = PublishSubscribeQos {
     enable_safe_overflow: true,
 };
 
-/// Several notifiers are allowed, because the place of a killed one is freed only when its node is cleaned up.
+/// Several notifiers are allowed, because the place of a killed one is freed only when its node is
+/// cleaned up.
 const ARRIVAL: EventQos = EventQos { max_notifiers: 4, max_listeners: 8, max_nodes: MAX_NODES, event_id_max_value: 0 };
 
 /// State samples.
@@ -108,7 +110,8 @@ pub const RECORD: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
     writer: "admittanced (service thread)",
     reader: "tools",
     samples: &[RecordSample::INFO],
-    // Every sample that may wait takes room in shared memory, read or not: hence the few subscribers.
+    // Every sample that may wait takes space in shared memory, read or not: hence the few
+    // subscribers.
     qos: PublishSubscribeQos { max_subscribers: 2, subscriber_max_buffer_size: 4096, ..NEWEST },
 };
 
@@ -144,7 +147,8 @@ pub const REQUEST: ServiceSpec<RequestResponseQos> = ServiceSpec {
         max_borrowed_responses_per_pending_response: 1,
         enable_safe_overflow_for_requests: true,
         enable_safe_overflow_for_responses: true,
-        // A request whose client gave up is dropped unseen, so that a server that was stopped does not act on it later.
+        // A request whose client gave up is dropped unseen, so that a server that was stopped does
+        // not act on it later.
         enable_fire_and_forget_requests: false,
     },
 };

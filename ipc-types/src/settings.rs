@@ -1,4 +1,5 @@
-//! Where a daemon and its peers meet: root path, prefix and instance; and the iceoryx2 node made from them.
+//! Where a daemon and its peers meet: root path, prefix and instance; and the iceoryx2 node made
+//! from them.
 
 use std::io;
 use std::os::unix::ffi::OsStrExt;
@@ -23,17 +24,18 @@ pub const MAX_PREFIX_LENGTH: usize = 16;
 
 /// Longest path of a Unix socket in bytes: `sun_path` holds 108 with the closing zero.
 const MAX_SOCKET_PATH: usize = 107;
-/// The one socket that iceoryx2 makes is a listener's: ROOT/PREFIX, a 128-bit id in decimal (up to 39 digits),
-/// ".event".
+/// The one socket that iceoryx2 makes is a listener's: ROOT/PREFIX, a 128-bit id in decimal (up to
+/// 39 digits), ".event".
 const LISTENER_NAME_LENGTH: usize = 39 + ".event".len();
 
 /// Where a daemon and its peers meet. All programs that work together need the same three values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct IpcSettings {
-    /// Directory of the discovery files and sockets: absolute, on a local file system. Shared memory itself is in
-    /// `/dev/shm`.
+    /// Directory of the discovery files and sockets: absolute, on a local file system. Shared
+    /// memory itself is in `/dev/shm`.
     pub root_path: PathBuf,
-    /// Start of every file name that iceoryx2 makes, also in `/dev/shm`: 1 to 16 of A-Z, a-z, 0-9, _ and -.
+    /// Start of every file name that iceoryx2 makes, also in `/dev/shm`: 1 to 16 of A-Z, a-z, 0-9,
+    /// _ and -.
     pub prefix: String,
     /// The daemon's name.
     pub instance: Instance,
@@ -121,7 +123,8 @@ pub enum NodeError {
 }
 
 impl IpcSettings {
-    /// Checks the settings: characters, and that every socket that iceoryx2 makes stays under the system's path limit.
+    /// Checks the settings: characters, and that every socket that iceoryx2 makes stays under the
+    /// system's path limit.
     ///
     /// # Errors
     /// [`SettingsError`] names the setting, its value and what is accepted.
@@ -147,8 +150,8 @@ impl IpcSettings {
         Ok(())
     }
 
-    /// The iceoryx2 configuration: its compiled-in values with these settings. No file is looked up, because iceoryx2's
-    /// own look-up depends on the working directory.
+    /// The iceoryx2 configuration: its compiled-in values with these settings. No file is looked
+    /// up, because iceoryx2's own look-up depends on the working directory.
     ///
     /// # Errors
     /// Those of [`validate`](Self::validate).
@@ -164,9 +167,10 @@ impl IpcSettings {
         Ok(config)
     }
 
-    /// Makes a node for this thread; `program` is what tools such as `iox2 node list` show. The root directory is made
-    /// when it is not there. iceoryx2 installs no signal handler. Dead nodes found on the way are cleaned up (thousands
-    /// of allocations), so make nodes before a thread goes real-time.
+    /// Makes a node for this thread; `program` is what tools such as `iox2 node list` show. The
+    /// root directory is made when it is not there. iceoryx2 installs no signal handler. Dead nodes
+    /// found on the way are cleaned up (thousands of allocations), so make nodes before a thread
+    /// goes real-time.
     ///
     /// # Errors
     /// [`NodeError`].
@@ -190,8 +194,8 @@ impl IpcSettings {
     }
 }
 
-/// Keeps iceoryx2's own messages off stderr unless they are errors: every failure that matters comes back as a value.
-/// Call it once at the start of a program.
+/// Keeps iceoryx2's own messages off stderr unless they are errors: every failure that matters
+/// comes back as a value. Call it once at the start of a program.
 pub fn quiet_iceoryx2() {
     iceoryx2::prelude::set_log_level(LogLevel::Error);
 }

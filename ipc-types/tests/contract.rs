@@ -3,20 +3,20 @@
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 
-use ipc_types::layout::WireSample as _;
 use ipc_types::layout::WireType as _;
+use ipc_types::layout::{SampleInfo, WireSample as _};
 use ipc_types::{
     CommandSample, DiagnosticsSample, ENUMS, RecordSample, RequestSample, ResponseSample, SAMPLES, StateSample,
     TruthSample, c_header, json_schema, schema_json,
 };
 use serde_json::Value;
 
-/// Name, offset and size of every field as the compiler sees them: an own list, so that the macro does not check
-/// itself.
+/// Name and type name, and name, offset and size of every field as the compiler sees them: an own
+/// list, so that the macro does not check itself.
 macro_rules! compiled {
-    ($sample:ident: $($field:ident)+) => {
+    ($sample:ident v $version:literal: $($field:ident)+) => {
         (
-            $sample::INFO.name,
+            ($sample::INFO.name, concat!("admittanced.", stringify!($sample), ".v", $version)),
             size_of::<$sample>(),
             vec![$(
                 (stringify!($field), core::mem::offset_of!($sample, $field), size_of_val(&$sample::zeroed().$field)),
@@ -25,28 +25,29 @@ macro_rules! compiled {
     };
 }
 
-type Compiled = (&'static str, usize, Vec<(&'static str, usize, usize)>);
+type Compiled = ((&'static str, &'static str), usize, Vec<(&'static str, usize, usize)>);
 
 fn compiled_layouts() -> Vec<Compiled> {
     vec![
-        compiled!(StateSample: sequence stamp_ns boot_id applied_command_sequence joint_count wrench_valid
+        compiled!(StateSample v 1: sequence stamp_ns boot_id applied_command_sequence joint_count wrench_valid
             drives_enabled reserved joint_position joint_velocity joint_position_reference twist_reference wrench),
-        compiled!(CommandSample: sequence stamp_ns boot_id state_sequence state_stamp_ns valid_until_ns fallback_count
+        compiled!(CommandSample v 1: sequence stamp_ns boot_id state_sequence state_stamp_ns valid_until_ns fallback_count
             late_count missed_count rejected_count compute_time_ns joint_count motion mode source active_axes verdict
             verdict_axis verdict_side stop_reason plan_length verdict_time_s verdict_margin velocity_offset
             joint_velocity_offset twist_command plan_end_ns planned_offset),
-        compiled!(TruthSample: sequence stamp_ns boot_id answer_time_ns missed_commands lateness_ns in_contact
+        compiled!(TruthSample v 1: sequence stamp_ns boot_id answer_time_ns missed_commands lateness_ns in_contact
             contact_losses motion missed scenario_time_s normal_force_n penetration_m peak_normal_force_n joint_position
             joint_velocity tcp_position tcp_rotation tcp_twist wrench peak_wrench velocity_offset),
-        compiled!(RequestSample: id deadline_ns kind force law given values),
-        compiled!(ResponseSample: id state_sequence command_sequence cycles fallback_count late_count missed_count
+        compiled!(RequestSample v 1: id deadline_ns kind force law given values),
+        compiled!(ResponseSample v 1: id state_sequence command_sequence cycles fallback_count late_count missed_count
             rejected_count uptime_ns compute_time_ns status mode motion stop_reason active_axes verdict joint_count
             text_length verdict_margin verdict_time_s wrench velocity_offset law enabled force_limit wrench_bias
             normal_stiffness_n_m surface_normal contact_point text),
-        compiled!(RecordSample: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
+        compiled!(RecordSample v 2: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
             dropped_count limited_count contact_losses kind iterations fault limited forced done stop_order enabled
-            contact_point wrench law reserved force_limit wrench_bias normal_stiffness_n_m surface_normal state command),
-        compiled!(DiagnosticsSample: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
+            contact_point wrench law reserved force_limit wrench_bias normal_stiffness_n_m surface_normal
+            belief_uncertainty_n expected_pressing_n expected_spring_n expected_stamp_ns state command),
+        compiled!(DiagnosticsSample v 1: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
             late_count missed_count rejected_count limited_count dropped_count contact_losses solver_failures mode motion
             stop_reason active_axes verdict verdict_axis verdict_side task_axes verdict_margin verdict_time_s wrench
             force_limit minimum_force velocity_offset wake_up_ns wake_up_last_second_ns compute_ns compute_last_second_ns
@@ -75,9 +76,9 @@ fn the_schema_gives_every_field_where_the_compiler_put_it() {
     let schema = schema();
     let (types, compiled) = (list(&schema, "types"), compiled_layouts());
     assert_eq!(types.len(), compiled.len());
-    for (entry, (name, size, fields)) in types.iter().zip(compiled) {
-        assert_eq!((text(entry, "name"), number(entry, "size"), number(entry, "alignment")), (name, size, 8));
-        assert_eq!(text(entry, "type_name"), format!("admittanced.{name}.v{}", schema["schema_version"]));
+    for (entry, ((name, type_name), size, fields)) in types.iter().zip(compiled) {
+        assert_eq!((text(entry, "name"), text(entry, "type_name")), (name, type_name));
+        assert_eq!((number(entry, "size"), number(entry, "alignment")), (size, 8), "{name}");
         let from_schema: Vec<_> = list(entry, "fields")
             .iter()
             .map(|field| {
@@ -156,16 +157,23 @@ fn fingerprint(lines: impl Iterator<Item = String>) -> u64 {
 }
 
 #[test]
-fn a_changed_layout_needs_a_new_schema_version() {
-    let lines = SAMPLES.iter().flat_map(|sample| {
-        let head = std::iter::once(format!("{} {}", sample.type_name, sample.size));
-        head.chain(sample.fields.iter().map(|f| format!("{} {} {:?} {}", f.name, f.scalar, f.shape, f.offset)))
-    });
-    assert_eq!(
-        (ipc_types::SCHEMA_VERSION, fingerprint(lines)),
-        (1, 0x1190_b7bf_8ef1_8c21),
-        "a sample changed: raise SCHEMA_VERSION and the version in every type name, then the fingerprint here"
-    );
+fn a_changed_layout_needs_a_new_version_of_its_sample() {
+    let of = |sample: &SampleInfo| {
+        let head = std::iter::once(sample.size.to_string());
+        let fields = sample.fields.iter().map(|f| format!("{} {} {:?} {}", f.name, f.scalar, f.shape, f.offset));
+        (sample.type_name, fingerprint(head.chain(fields)))
+    };
+    let found: Vec<_> = SAMPLES.iter().map(of).collect();
+    let known = [
+        ("admittanced.StateSample.v1", 0x8437_6833_74ef_3c04),
+        ("admittanced.CommandSample.v1", 0x9ae5_ec64_959b_6a5f),
+        ("admittanced.TruthSample.v1", 0x7aeb_0f8a_3fab_11b8),
+        ("admittanced.RequestSample.v1", 0x1f12_9cd2_b9c5_6793),
+        ("admittanced.ResponseSample.v1", 0x778d_d0e0_b381_8895),
+        ("admittanced.RecordSample.v2", 0x65ee_3d30_72b8_dd39),
+        ("admittanced.DiagnosticsSample.v1", 0x1624_e145_4fbc_ed08),
+    ];
+    assert_eq!(found, known, "a sample changed: raise the version in its type name, then change its fingerprint here");
 }
 
 #[test]
@@ -291,9 +299,10 @@ fn compile(source: &str) -> Option<Result<(), String>> {
 
 #[test]
 fn the_c_header_compiles_and_agrees_with_the_compiler() {
-    // The offsets asserted here come from rustc; the header's own asserts come from the declarations.
+    // The offsets asserted here come from rustc; the header's own asserts come from the
+    // declarations.
     let mut source = c_header();
-    for (name, size, fields) in compiled_layouts() {
+    for ((name, _), size, fields) in compiled_layouts() {
         let name = format!("admittanced_{}_sample", name.trim_end_matches("Sample").to_lowercase());
         source += &format!("ADMITTANCED_ASSERT(sizeof({name}) == {size}, \"size\");\n");
         for (field, offset, bytes) in fields {

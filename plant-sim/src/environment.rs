@@ -1,8 +1,9 @@
-//! The environment, equations (11) and (19)-(21): a plane that pushes back like a spring, and never pulls.
+//! The environment, equations (11) and (19)-(21): a plane that pushes back like a spring, and never
+//! pulls.
 //!
-//! For the planar arm the paper's K_e = Tᵀ diag(0, k) T with T = [cos α, −sin α; sin α, cos α] is the stiffness k along
-//! Tᵀ (0, 1) = (sin α, cos α): with α above zero the surface falls toward +x, and what is pushed down on it slides to +x, as
-//! in the paper's figure 5.
+//! For the planar arm the paper's K_e = Tᵀ diag(0, k) T with T = [cos α, −sin α; sin α, cos α] is
+//! the stiffness k along Tᵀ (0, 1) = (sin α, cos α): with α above zero the surface falls toward +x,
+//! and what is pushed down on it slides to +x, as in the paper's figure 5.
 
 use nalgebra::Vector3;
 
@@ -19,7 +20,8 @@ pub struct Surface {
     pub damping: f64,
     /// Coulomb friction coefficient, 0 = none.
     pub friction: f64,
-    /// Sliding speed in m/s at which friction reaches 1/√2 of its full value: it makes Coulomb's jump at zero speed smooth.
+    /// Sliding speed in m/s at which friction reaches 1/√2 of its full value: it makes Coulomb's
+    /// jump at zero speed smooth.
     pub slip_velocity: f64,
 }
 
@@ -30,7 +32,8 @@ pub struct Contact {
     pub penetration: f64,
     /// Force along the inward normal in N, never negative.
     pub normal_force: f64,
-    /// Force that the robot exerts on the environment in N, base frame. It has no moment about the TCP: a point touches.
+    /// Force that the robot exerts on the environment in N, base frame. It has no moment about the
+    /// TCP: a point touches.
     pub force: Vector3<f64>,
 }
 
@@ -41,7 +44,8 @@ impl Contact {
     }
 }
 
-/// Outward normal of the planar arm's surface with the inclination α in rad: Tᵀ (0, 1) of (20), (21).
+/// Outward normal of the planar arm's surface with the inclination α in rad: Tᵀ (0, 1) of (20),
+/// (21).
 pub fn planar_normal(inclination_rad: f64) -> Vector3<f64> {
     Vector3::new(inclination_rad.sin(), inclination_rad.cos(), 0.0)
 }
@@ -62,8 +66,9 @@ impl Surface {
         self.damping > 0.0 || self.friction > 0.0
     }
 
-    /// The contact of a TCP at `position` (m) that moves with `velocity` (m/s): f_n = max(0, k δ + d δ̇) while δ > 0, and
-    /// friction μ f_n along the sliding direction (the robot drags the environment along).
+    /// The contact of a TCP at `position` (m) that moves with `velocity` (m/s): f_n = max(0, k δ +
+    /// d δ̇) while δ > 0, and friction μ f_n along the sliding direction (the robot drags the
+    /// environment along).
     pub fn contact(&self, position: &Vector3<f64>, velocity: &Vector3<f64>) -> Contact {
         let penetration = self.penetration(position);
         if penetration <= 0.0 {
@@ -112,7 +117,8 @@ mod tests {
     #[test]
     fn surface_never_pulls_and_gives_no_energy() {
         let surface = Surface { damping: 300.0, friction: 0.3, ..surface() };
-        // Press in and out on a sine with a sideways sweep: the work done on the environment is never negative.
+        // Press in and out on a sine with a sideways sweep: the work done on the environment is
+        // never negative.
         let (mut work, mut largest, steps) = (0.0, 0.0f64, 20_000);
         for index in 0..steps {
             let phase = std::f64::consts::TAU * f64::from(index) / f64::from(steps);

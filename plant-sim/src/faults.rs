@@ -1,4 +1,5 @@
-//! Faults of the motion controller that a scenario scripts: what reaches the daemon while each one lasts.
+//! Faults of the motion controller that a scenario scripts: what reaches the daemon while each one
+//! lasts.
 
 use admittance_host::config_enum;
 use ipc_types::StateSample;
@@ -10,8 +11,8 @@ config_enum! {
         Drop = "drop",
         /// The last state sample is published again and again, with its old stamp and sequence.
         Freeze = "freeze",
-        /// The first sample is published in place of the last one, with its own stamp and sequence, and none in between: over
-        /// k + 1 samples, one that is late by k periods.
+        /// The first sample is published in place of the last one, with its own stamp and sequence,
+        /// and none in between: over k + 1 samples, one that is late by k periods.
         Late = "late",
         /// The stamp is a second old; the sequence goes on.
         Stale = "stale",
@@ -43,7 +44,8 @@ config_enum! {
         InfWrench = "inf_wrench",
         /// The wrench is flagged as not valid, and zero.
         WrenchInvalid = "wrench_invalid",
-        /// The drives are disabled: the joints are braked, the command does not advance, and the sample says so.
+        /// The drives are disabled: the joints are braked, the command does not advance, and the
+        /// sample says so.
         DrivesDisabled = "drives_disabled",
         /// The sample claims one joint more than the robot has.
         JointCount = "joint_count",
@@ -56,7 +58,7 @@ config_enum! {
 const OFF_NS: u64 = 1_000_000_000;
 /// By how much a joint position is off, rad.
 const JUMP_RAD: f64 = 0.1;
-/// The element of an array that is spoiled: not the first, which alone is easily looked at.
+/// The array element that is falsified: not the first, since a check might look at that one only.
 const SPOILED: usize = 1;
 
 /// One scripted fault, in samples counted from the start of the motion (negative: before it).
@@ -97,8 +99,8 @@ impl Faults {
         self.active(FaultKind::Freeze, index) || self.0.iter().any(is_late)
     }
 
-    /// Falsifies what the sample with this index says; whether and when it is published, and what becomes of commands, are not
-    /// its matter.
+    /// Falsifies the sample with this index; whether and when it is published, and what happens to
+    /// commands, is handled elsewhere.
     pub fn falsify(&self, sample: &mut StateSample, index: i64) {
         for fault in self.0.iter().filter(|fault| (fault.first..fault.end).contains(&index)) {
             match fault.kind {

@@ -1,4 +1,5 @@
-//! The velocity-controlled joints, equation (4): T_V q̈ + q̇ = q̇_ref for each joint, solved exactly.
+//! The velocity-controlled joints, equation (4): T_V q̈ + q̇ = q̇_ref for each joint, solved
+//! exactly.
 
 use nalgebra::SVector;
 
@@ -8,7 +9,8 @@ pub struct JointLoop<const N: usize> {
     time_constant_s: SVector<f64, N>,
 }
 
-/// What an interval of constant velocity reference does to the loops; it depends on the interval's length alone.
+/// The effect of an interval of constant velocity reference on the loops; it depends on the
+/// interval's length alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointStep<const N: usize> {
     duration_s: f64,
@@ -33,8 +35,8 @@ impl<const N: usize> JointLoop<N> {
 }
 
 impl<const N: usize> JointStep<N> {
-    /// Joint position in rad and velocity in rad/s at the end of the interval, from those at its start and the velocity
-    /// reference in rad/s, constant over the interval.
+    /// Joint position in rad and velocity in rad/s at the end of the interval, from those at its
+    /// start and the velocity reference in rad/s, constant over the interval.
     pub fn advance(&self, position: &mut SVector<f64, N>, velocity: &mut SVector<f64, N>, reference: &SVector<f64, N>) {
         let error = *velocity - reference;
         *position += reference * self.duration_s + error.component_mul(&self.carry_s);

@@ -1,7 +1,9 @@
-//! The emulated motion controller and robot: joint speed loops (4), contact (19)-(21), wrench estimate (6).
+//! The emulated motion controller and robot: joint speed loops (4), contact (19)-(21), wrench
+//! estimate (6).
 //!
-//! The data path: [`scenario`] → [`setup`] → [`plant`] ([`motion`] and [`playback`] give the joint reference, [`joint_loop`]
-//! follows it, [`environment`] pushes back, [`wrench_estimate`], [`noise`], [`wrench_sensor`] and [`faults`] make the sample) → [`run`] in
+//! The data path: [`scenario`] → [`setup`] → [`plant`] ([`motion`] and the client's playback give
+//! the joint reference, [`joint_loop`] follows it, [`environment`] pushes back,
+//! [`wrench_estimate`], [`noise`], [`wrench_sensor`] and [`faults`] make the sample) → [`run`] in
 //! virtual time, or `shell` in real time.
 
 mod args;
@@ -11,7 +13,6 @@ pub mod joint_loop;
 pub mod motion;
 pub mod noise;
 pub mod plant;
-pub mod playback;
 pub mod pose;
 pub mod run;
 pub mod scenario;

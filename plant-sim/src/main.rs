@@ -1,4 +1,5 @@
-//! The plant's program; everything is in the library, so that the demo can run the same code in a process of its own.
+//! The plant's program; everything is in the library, so that the demo can run the same code in a
+//! process of its own.
 
 fn main() -> std::process::ExitCode {
     plant_sim::main_with_args(std::env::args_os().skip(1)).into()

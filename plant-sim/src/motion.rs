@@ -1,10 +1,11 @@
-//! The commanded motion: a list of phases of constant TCP velocity ṗ0, and the joint position q0 that follows them.
+//! The commanded motion: a list of phases of constant TCP velocity ṗ0, and the joint position q0
+//! that follows them.
 
 use admittance_core::robot::{Chain, Singular, right_inverse};
 use nalgebra::SVector;
 
-/// Smallest reciprocal condition number (Frobenius norm) at which the plant still inverts J. Far below any pose that a
-/// scenario uses: it tells a singular arm from a merely awkward one.
+/// Smallest reciprocal condition number (Frobenius norm) at which the plant still inverts J. Far
+/// below any pose that a scenario uses: it tells a singular arm from a merely awkward one.
 pub const MINIMUM_RECIPROCAL_CONDITION: f64 = 1e-4;
 
 /// Phases of constant commanded velocity, in whole samples from the start of the motion.
@@ -25,7 +26,8 @@ impl<const D: usize> CommandedMotion<D> {
         Self { phases: phases.collect() }
     }
 
-    /// ṗ0 from the sample with this index (0 = start of the motion) to the next; zero before and after the motion.
+    /// ṗ0 from the sample with this index (0 = start of the motion) to the next; zero before and
+    /// after the motion.
     pub fn twist(&self, index: i64) -> SVector<f64, D> {
         if index < 0 {
             return SVector::zeros();
@@ -52,7 +54,8 @@ pub fn joint_velocity<const N: usize, const D: usize>(
     Ok(right_inverse(&jacobian, MINIMUM_RECIPROCAL_CONDITION)?.joint_velocity(twist))
 }
 
-/// q0 after `duration_s` of the commanded velocity: q̇0 = J⁻¹(q0) ṗ0 by one step of the classic Runge-Kutta method.
+/// q0 after `duration_s` of the commanded velocity: q̇0 = J⁻¹(q0) ṗ0 by one step of the classic
+/// Runge-Kutta method.
 ///
 /// # Errors
 /// [`Singular`] when the command passes through a singular pose.

@@ -29,7 +29,8 @@ impl Noise {
         Self { levels, generator: ChaCha8Rng::seed_from_u64(seed) }
     }
 
-    /// Adds the next draw to one sample's signals: joint position, joint velocity, wrench, in this order.
+    /// Adds the next draw to one sample's signals: joint position, joint velocity, wrench, in this
+    /// order.
     pub fn add<const N: usize, const D: usize>(
         &mut self,
         position: &mut SVector<f64, N>,
@@ -40,7 +41,7 @@ impl Noise {
         if joint_position == 0.0 && joint_velocity == 0.0 && wrench_level == 0.0 {
             return;
         }
-        // Drawn for silent signals too, so that switching one off leaves the others as they were.
+        // Drawn for noiseless signals too, so that switching one off does not change the others.
         position.iter_mut().for_each(|value| *value += joint_position * self.draw());
         velocity.iter_mut().for_each(|value| *value += joint_velocity * self.draw());
         wrench.iter_mut().for_each(|value| *value += wrench_level * self.draw());

@@ -1,99 +1,31 @@
-//! The plant: joint loops, contact and wrench estimate of one arm, stepped from sample to sample. It has no clock and does no
-//! input or output; time is in nanoseconds and passed along by the steps themselves.
+//! The plant: joint loops, contact and wrench estimate of one arm, stepped from sample to sample.
+//! It has no clock and does no input or output; time is in nanoseconds and passed along by the
+//! steps themselves.
+
+mod measurement;
+mod parameters;
+
+pub use measurement::CycleTiming;
+pub use parameters::PlantParameters;
+
+use measurement::Peaks;
 
 use crate::environment::{Contact, Surface};
-use crate::faults::{FaultKind, Faults};
-use crate::joint_loop::{JointLoop, JointStep};
-use crate::motion::{CommandedMotion, MINIMUM_RECIPROCAL_CONDITION, advance_reference};
-use crate::noise::Noise;
-use crate::playback::{Applied, Playback, Reception, Rejection};
-use crate::wrench_estimate::{DelayLine, EstimateStep, WrenchEstimate};
-use crate::wrench_sensor::WrenchSensor;
+use crate::faults::FaultKind;
+use crate::joint_loop::JointStep;
+use crate::motion::{MINIMUM_RECIPROCAL_CONDITION, advance_reference};
+use crate::wrench_estimate::{DelayLine, EstimateStep};
+use admittance_client::{Applied, Playback, Reception, Rejection};
+use admittance_core::quantities::Span;
 use admittance_core::robot::{Chain, Kinematics, right_inverse};
-use ipc_types::{CommandSample, MAX_JOINTS, Motion, StateSample, TASK_AXES, TruthSample};
-use nalgebra::{Rotation3, SVector, UnitQuaternion, Vector3};
-
-/// Everything that makes up a plant of N joints and D task axes.
-#[derive(Debug, Clone)]
-pub struct PlantParameters<const N: usize, const D: usize> {
-    /// Kinematics of the arm.
-    pub chain: Chain<N>,
-    /// Velocity loops of the joints (4).
-    pub joints: JointLoop<N>,
-    /// Joint position at the start, in rad; the arm is at rest.
-    pub start: SVector<f64, N>,
-    /// What the TCP may touch; `None` is free space.
-    pub surface: Option<Surface>,
-    /// Wrench estimate (6), at rest.
-    pub estimate: WrenchEstimate<D>,
-    /// What the estimate is read from; `None` gives it as it is.
-    pub sensor: Option<WrenchSensor>,
-    /// Pure delay of the estimate, in ns.
-    pub wrench_delay_ns: u64,
-    /// Sensor noise.
-    pub noise: Noise,
-    /// Commanded motion.
-    pub motion: CommandedMotion<D>,
-    /// Scripted faults.
-    pub faults: Faults,
-    /// T_s in ns.
-    pub sampling_time_ns: u64,
-    /// When the command of a sample acts, in ns after the sample's stamp.
-    pub command_delay_ns: u64,
-    /// Longest interval in ns over which the contact force is taken to be a straight line.
-    pub substep_ns: u64,
-    /// Samples at rest before the motion starts.
-    pub settle_samples: i64,
-    /// Whether the motion waits for the first valid command, and the settling counts from there.
-    pub wait_for_command: bool,
-    /// Stamp of the first sample, in ns.
-    pub first_stamp_ns: u64,
-    /// Boot id of the samples, not 0.
-    pub boot_id: u64,
-}
-
-impl<const N: usize, const D: usize> PlantParameters<N, D> {
-    /// Samples before the motion; a motion that waits has one of them at least to wait in.
-    fn waiting_samples(&self) -> i64 {
-        self.settle_samples.max(i64::from(self.wait_for_command))
-    }
-}
-
-/// What the shell measured about one cycle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct CycleTiming {
-    /// From the stamp to the visible command, in ns; 0 = not seen.
-    pub answer_time_ns: u64,
-    /// By how much the state sample was published late, in ns.
-    pub lateness_ns: u64,
-}
+use ipc_types::{CommandSample, StateSample, TruthSample};
+use nalgebra::{SVector, Vector3};
 
 #[derive(Debug, Clone, Copy)]
 struct Substep<const N: usize, const D: usize> {
     duration_ns: u64,
     joints: JointStep<N>,
     estimate: EstimateStep<D>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Peaks {
-    normal_force: f64,
-    force: Vector3<f64>,
-}
-
-impl Peaks {
-    fn of(contact: &Contact) -> Self {
-        Self { normal_force: contact.normal_force, force: contact.force }
-    }
-
-    fn add(&mut self, contact: &Contact) {
-        self.normal_force = self.normal_force.max(contact.normal_force);
-        for (peak, value) in self.force.iter_mut().zip(contact.force.iter()) {
-            if value.abs() > peak.abs() {
-                *peak = *value;
-            }
-        }
-    }
 }
 
 /// The plant at the instant of its current sample.
@@ -187,18 +119,20 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         &self.playback
     }
 
-    /// Ends the wait for commands of this sample and says what is true at its instant. Call once per cycle, before
-    /// [`Self::integrate`].
+    /// Ends the wait for commands of this sample and returns the truth at its instant. Call once
+    /// per cycle, before [`Self::integrate`].
     pub fn settle(&mut self, timing: CycleTiming) -> TruthSample {
         let end_ns = self.now_ns + self.parameters.sampling_time_ns;
         let missed = self.playback.is_missing(end_ns);
-        // Counted here, because a command that is due at this very instant would otherwise count twice.
+        // Counted here, because a command that is due at this very instant would otherwise count
+        // twice.
         let missed_commands = self.playback.missed() + u64::from(missed);
         self.playback.apply_due(self.now_ns);
         self.truth(timing, missed, missed_commands)
     }
 
-    /// Goes on to the next sample: the joints follow the commands, each from the instant at which it acts.
+    /// Goes on to the next sample: the joints follow the commands, each from the instant at which
+    /// it acts.
     pub fn integrate(&mut self) {
         let start_ns = self.now_ns;
         let end_ns = start_ns + self.parameters.sampling_time_ns;
@@ -235,7 +169,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         self.index > self.parameters.motion.samples()
     }
 
-    /// Whether the arm or its command met a pose at which J has no inverse; the joints are then held there.
+    /// Whether the arm or its command met a pose at which J has no inverse; the joints are then
+    /// held there.
     pub fn met_singularity(&self) -> bool {
         self.singular
     }
@@ -250,7 +185,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         self.kinematics.pose.position
     }
 
-    /// Integrates to an instant within the current cycle, as [`Self::integrate`] would pass through it.
+    /// Integrates to an instant within the current cycle, as [`Self::integrate`] would pass through
+    /// it.
     pub(crate) fn integrate_partly(&mut self, instant_ns: u64, rest_s: f64) {
         let start_ns = self.now_ns;
         let twist = self.twist_reference();
@@ -278,8 +214,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     /// q̇_ref = J⁻¹(q)(ṗ0 + Δṗ), or zero when holding.
     fn update_reference(&mut self, twist: &SVector<f64, D>) {
         self.velocity_reference = SVector::zeros();
-        let Applied::Offset(offset) = self.playback.applied::<D>(self.now_ns) else { return };
-        let twist = twist + offset;
+        let Applied::Offset(offset) = self.playback.applied(self.now_ns) else { return };
+        let twist = SVector::<f64, D>::from_fn(|axis, _| twist[axis] + offset[axis]);
         if self.fault(FaultKind::DrivesDisabled) || twist.iter().all(|value| *value == 0.0) {
             return;
         }
@@ -289,7 +225,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         }
     }
 
-    /// Constant velocity reference from here to `until_ns`; substeps lie on a grid that starts at `start_ns`.
+    /// Constant velocity reference from here to `until_ns`; substeps lie on a grid that starts at
+    /// `start_ns`.
     fn integrate_until(&mut self, until_ns: u64, start_ns: u64) {
         let grid_ns = self.parameters.substep_ns;
         while self.now_ns < until_ns {
@@ -302,7 +239,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         }
     }
 
-    /// Whether the TCP cannot reach the surface in this time, so that a single step is exact: a bound from joint speeds.
+    /// Whether the TCP cannot reach the surface in this time, so that a single step is exact: a
+    /// bound from joint speeds.
     fn stays_free(&self, duration_ns: u64) -> bool {
         if self.parameters.surface.is_none() {
             return true;
@@ -334,90 +272,14 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             self.delay_line.push(self.now_ns, self.parameters.estimate.estimate());
         }
     }
-
-    /// Builds the sample of the current instant.
-    fn measure(&mut self) {
-        let (mut position, mut velocity) = (self.position, self.velocity);
-        let mut wrench = if self.delay_line.is_none() {
-            *self.parameters.estimate.estimate()
-        } else {
-            self.delay_line.delayed(self.now_ns)
-        };
-        self.parameters.noise.add(&mut position, &mut velocity, &mut wrench);
-        if self.parameters.faults.repeats(self.index) && self.sequence > 1 {
-            return;
-        }
-        self.sample = StateSample {
-            sequence: self.sequence,
-            stamp_ns: self.now_ns,
-            boot_id: self.parameters.boot_id,
-            applied_command_sequence: self.playback.applied_sequence(),
-            joint_count: N as u32,
-            wrench_valid: 1,
-            drives_enabled: 1,
-            joint_position: pad(position.as_slice()),
-            joint_velocity: pad(velocity.as_slice()),
-            joint_position_reference: pad(self.position_reference.as_slice()),
-            twist_reference: pad(self.twist_reference().as_slice()),
-            wrench: self.parameters.sensor.map_or_else(
-                || pad(wrench.as_slice()),
-                |sensor| {
-                    let at_tcp = pad::<TASK_AXES>(wrench.as_slice());
-                    sensor.reading(&at_tcp.into(), &self.kinematics.pose.rotation).into()
-                },
-            ),
-            ..StateSample::zeroed()
-        };
-        self.parameters.faults.falsify(&mut self.sample, self.index);
-    }
-
-    fn truth(&mut self, timing: CycleTiming, missed: bool, missed_commands: u64) -> TruthSample {
-        let pose = &self.kinematics.pose;
-        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(pose.rotation));
-        let applied = self.playback.applied::<D>(self.now_ns);
-        let (motion, offset) = match applied {
-            Applied::Offset(offset) => (Motion::Offset, offset),
-            Applied::Hold => (Motion::Hold, SVector::zeros()),
-        };
-        let truth = TruthSample {
-            sequence: self.sequence,
-            stamp_ns: self.now_ns,
-            boot_id: self.parameters.boot_id,
-            answer_time_ns: timing.answer_time_ns,
-            missed_commands,
-            lateness_ns: timing.lateness_ns,
-            in_contact: u32::from(self.contact.penetration > 0.0),
-            contact_losses: self.contact_losses,
-            motion: motion.code(),
-            missed: u32::from(missed),
-            scenario_time_s: self.index as f64 * seconds(self.parameters.sampling_time_ns),
-            normal_force_n: self.contact.normal_force,
-            penetration_m: self.contact.penetration,
-            peak_normal_force_n: self.peaks.normal_force,
-            joint_position: pad(self.position.as_slice()),
-            joint_velocity: pad(self.velocity.as_slice()),
-            tcp_position: pose.position.into(),
-            tcp_rotation: rotation.scaled_axis().into(),
-            tcp_twist: (self.kinematics.jacobian * self.velocity).into(),
-            wrench: pad(self.contact.force.as_slice()),
-            peak_wrench: pad(self.peaks.force.as_slice()),
-            velocity_offset: pad(offset.as_slice()),
-        };
-        self.peaks = Peaks::of(&self.contact);
-        truth
-    }
 }
 
-/// The gap that the truth shows where there is no surface: finite, as its contract says, and beyond any arm.
+/// The gap that the truth shows where there is no surface: finite, as its contract says, and beyond
+/// any arm.
 const NO_SURFACE_GAP_M: f64 = 1e6;
 
 fn seconds(duration_ns: u64) -> f64 {
-    duration_ns as f64 * 1e-9
-}
-
-fn pad<const LENGTH: usize>(values: &[f64]) -> [f64; LENGTH] {
-    const { assert!(LENGTH == TASK_AXES || LENGTH == MAX_JOINTS) };
-    std::array::from_fn(|index| values.get(index).copied().unwrap_or(0.0))
+    Span::from_nanoseconds(duration_ns).seconds()
 }
 
 fn substep_of<const N: usize, const D: usize>(parameters: &PlantParameters<N, D>, duration_ns: u64) -> Substep<N, D> {
@@ -439,7 +301,8 @@ fn contact_of<const N: usize>(
     surface.contact(&kinematics.pose.position, &tcp_velocity)
 }
 
-/// Upper bound of the TCP's distance from each joint's axis: the length of everything after the joint.
+/// Upper bound of the TCP's distance from each joint's axis: the length of everything after the
+/// joint.
 fn reach_of<const N: usize>(chain: &Chain<N>) -> SVector<f64, N> {
     let mut reach = SVector::zeros();
     let mut length = chain.tool().position.norm();

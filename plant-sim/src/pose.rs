@@ -1,7 +1,8 @@
-//! Poses of an arm of any known size: where a joint position has the TCP, which joint position has the TCP at a point, and
-//! how fast the joints turn there.
+//! Poses of any supported arm: the TCP of a joint position, the joint position for a TCP, and how
+//! fast the joints turn there.
 
 use admittance_core::robot::{Chain, Pose, right_inverse};
+use admittance_core::with_arm;
 use admittance_host::robot_description::RobotDescription;
 use nalgebra::SVector;
 
@@ -15,14 +16,17 @@ pub struct ArmPose {
     pub joint_position_rad: Vec<f64>,
     /// Position of the TCP in m, base frame.
     pub tcp_position_m: [f64; 3],
-    /// Reciprocal condition number of the task Jacobian (Frobenius norm); 0 where the arm is singular.
+    /// Reciprocal condition number of the task Jacobian (Frobenius norm); 0 where the arm is
+    /// singular.
     pub reciprocal_condition: f64,
-    /// J⁻¹, row by row: joint velocity in rad/s per unit of each task axis; empty where the arm is singular.
+    /// J⁻¹, row by row: joint velocity in rad/s per unit of each task axis; empty where the arm is
+    /// singular.
     inverse_jacobian: Vec<Vec<f64>>,
 }
 
 impl ArmPose {
-    /// Joint velocity in rad/s for a twist of the TCP, one value per task axis; `None` where the arm is singular.
+    /// Joint velocity in rad/s for a twist of the TCP, one value per task axis; `None` where the
+    /// arm is singular.
     pub fn joint_velocity_rad_s(&self, twist: &[f64]) -> Option<Vec<f64>> {
         let rows = self.inverse_jacobian.iter();
         let velocity = rows.map(|row| row.iter().zip(twist).map(|(inverse, speed)| inverse * speed).sum());
@@ -30,24 +34,24 @@ impl ArmPose {
     }
 }
 
-/// The pose of a joint position; `None` when the arm is not one that the plant knows, or has another number of joints.
+/// The pose of a joint position; `None` when the arm is not one that the plant knows, or has
+/// another number of joints.
 pub fn at(robot: &RobotDescription, joint_position_rad: &[f64]) -> Option<ArmPose> {
     find(robot, joint_position_rad, None)
 }
 
-/// The pose with the TCP at `point_m`, next to a guess and in the guess's orientation (a planar arm has no say in its own);
-/// `None` when Newton's method does not arrive there.
+/// The pose with the TCP at `point_m`, near a guess and in the guess's orientation (which a planar
+/// arm cannot choose); `None` when Newton's method does not arrive there.
 pub fn near(robot: &RobotDescription, guess_rad: &[f64], point_m: [f64; 3]) -> Option<ArmPose> {
     find(robot, guess_rad, Some(point_m))
 }
 
 fn find(robot: &RobotDescription, guess_rad: &[f64], point_m: Option<[f64; 3]>) -> Option<ArmPose> {
-    match (robot.joint.len(), robot.task_axes) {
-        (2, 2) => find_arm::<2, 2>(robot, guess_rad, point_m),
-        (6, 6) => find_arm::<6, 6>(robot, guess_rad, point_m),
-        (7, 6) => find_arm::<7, 6>(robot, guess_rad, point_m),
-        _ => None,
-    }
+    with_arm!(
+        (robot.joint.len(), robot.task_axes),
+        <N, D> => find_arm::<N, D>(robot, guess_rad, point_m),
+        else None
+    )
 }
 
 fn find_arm<const N: usize, const D: usize>(

@@ -1,9 +1,10 @@
 //! A plant of any of the known arms behind one interface, and its run in virtual time.
 
-use ipc_types::{CommandSample, StateSample, TruthSample};
+use admittance_client::{Reception, Rejection};
+use admittance_core::with_arm;
+use ipc_types::{CommandSample, StateSample, TruthSample, VirtualPlant};
 
 use crate::plant::{CycleTiming, Plant};
-use crate::playback::Rejection;
 use crate::scenario::Scenario;
 use crate::setup::{self, SetupError};
 
@@ -15,12 +16,13 @@ pub trait AnyPlant {
     fn publishes(&self) -> bool;
     /// Stamp of the current sample in ns.
     fn now_ns(&self) -> u64;
-    /// Takes a command that became visible at `visible_ns`. True when it is there before it has to act.
+    /// Takes a command that became visible at `visible_ns`. True when it is there before it has to
+    /// act.
     ///
     /// # Errors
     /// [`Rejection`].
     fn receive(&mut self, command: &CommandSample, visible_ns: u64) -> Result<bool, Rejection>;
-    /// Ends the wait for commands of this sample and says what is true at its instant.
+    /// Ends the wait for commands of this sample and returns the truth at its instant.
     fn settle(&mut self, timing: CycleTiming) -> TruthSample;
     /// Goes on to the next sample.
     fn integrate(&mut self);
@@ -48,7 +50,7 @@ impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
     }
 
     fn receive(&mut self, command: &CommandSample, visible_ns: u64) -> Result<bool, Rejection> {
-        self.receive(command, visible_ns).map(|reception| reception == Some(crate::playback::Reception::InTime))
+        self.receive(command, visible_ns).map(|reception| reception == Some(Reception::InTime))
     }
 
     fn settle(&mut self, timing: CycleTiming) -> TruthSample {
@@ -76,7 +78,7 @@ impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
     }
 }
 
-/// The plant of a scenario; see [`setup::plant`]. The one match over the arms.
+/// The plant of a scenario; see [`setup::plant`].
 ///
 /// # Errors
 /// [`SetupError`].
@@ -87,11 +89,10 @@ pub fn any_plant(
     wait_for_command: bool,
 ) -> Result<Box<dyn AnyPlant>, SetupError> {
     let (joints, axes) = (scenario.robot.joint.len(), scenario.robot.task_axes);
-    Ok(match (joints, axes) {
-        (2, 2) => Box::new(setup::plant::<2, 2>(scenario, first_stamp_ns, boot_id, wait_for_command)?),
-        (6, 6) => Box::new(setup::plant::<6, 6>(scenario, first_stamp_ns, boot_id, wait_for_command)?),
-        (7, 6) => Box::new(setup::plant::<7, 6>(scenario, first_stamp_ns, boot_id, wait_for_command)?),
-        _ => return Err(SetupError::Arm { joints, axes }),
+    with_arm!((joints, axes), <N, D> => {
+        Ok(Box::new(setup::plant::<N, D>(scenario, first_stamp_ns, boot_id, wait_for_command)?))
+    }, else {
+        Err(SetupError::Arm { joints, axes })
     })
 }
 
@@ -117,32 +118,26 @@ impl VirtualRun {
     pub fn new(scenario: &Scenario) -> Result<Self, SetupError> {
         Ok(Self { plant: any_plant(scenario, VIRTUAL_START_NS, 1, false)? })
     }
+}
 
-    /// The state sample of the current instant; `None` when a fault keeps it from being published.
-    pub fn sample(&self) -> Option<&StateSample> {
+impl VirtualPlant for VirtualRun {
+    fn sample(&self) -> Option<&StateSample> {
         self.plant.publishes().then(|| self.plant.sample())
     }
 
-    /// The current instant in ns.
-    pub fn now_ns(&self) -> u64 {
+    fn now_ns(&self) -> u64 {
         self.plant.now_ns()
     }
 
-    /// Takes the answer to the current sample, visible at once, and goes on to the next. The truth is that of the instant
-    /// of the sample, its peaks those since the sample before.
-    ///
-    /// # Errors
-    /// [`Rejection`] when the plant does not accept the command; the plant has gone on all the same.
-    pub fn advance(&mut self, answer: Option<&CommandSample>) -> Result<TruthSample, Rejection> {
+    fn advance(&mut self, answer: Option<&CommandSample>) -> Result<TruthSample, String> {
         let now_ns = self.plant.now_ns();
         let received = answer.map_or(Ok(false), |command| self.plant.receive(command, now_ns));
         let truth = self.plant.settle(CycleTiming::default());
         self.plant.integrate();
-        received.map(|_| truth)
+        received.map(|_| truth).map_err(|rejection| rejection.to_string())
     }
 
-    /// Whether the motion is over.
-    pub fn is_finished(&self) -> bool {
+    fn is_finished(&self) -> bool {
         self.plant.is_finished()
     }
 }

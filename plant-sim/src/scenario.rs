@@ -1,10 +1,11 @@
-//! Scenario files: the arm, the surface, the sensors, the commanded motion and the faults of one run.
+//! Scenario files: the arm, the surface, the sensors, the commanded motion and the faults of one
+//! run.
 
 use admittance_host::config::ConfigError;
-use admittance_host::config_section;
 use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
 use admittance_host::robot_description::RobotDescription;
+use admittance_host::{config_file, config_section};
 
 use crate::faults::FaultKind;
 
@@ -33,10 +34,11 @@ fn whole_nanoseconds(timing: &TimingSection, path: &str, errors: &mut Vec<Config
 config_section! {
     /// Where the arm starts, and when it touches.
     pub struct StartSection {
-        /// Joint position at the start; with contact_time_s the guess from which it is solved, and its elbow.
+        /// Joint position at the start; with contact_time_s the guess from which it is solved, and
+        /// its elbow.
         joint_position_rad: Vec<f64>, unit "rad", range -7.0..=7.0, length 2..=8;
-        /// When the motion shall bring the TCP to surface.point_m, counted from its start, in whole samples; the start
-        /// is where joint_position_rad says when absent.
+        /// When the motion shall bring the TCP to surface.point_m, counted from its start, in whole
+        /// samples; the start is where joint_position_rad says when absent.
         contact_time_s: Option<f64>, unit "s", range 0.0..=100.0;
         /// Share of a sample that the contact comes later than that.
         contact_phase: f64 = 0.0, unit "1", range 0.0..=1.0;
@@ -48,7 +50,8 @@ config_section! {
     pub struct SurfaceSection {
         /// A point of the undeformed plane, base frame.
         point_m: [f64; 3], unit "m", range -100.0..=100.0;
-        /// Outward normal, base frame; any length above zero. A plane that falls by α towards +x: [sin α, cos α, 0].
+        /// Outward normal, base frame; any length above zero. A plane that falls by α towards +x:
+        /// [sin α, cos α, 0].
         normal: [f64; 3], unit "1", range -1.0..=1.0;
         /// Stiffness along the normal, k_env of (19).
         stiffness_n_m: f64, unit "N/m", range 100.0..=1e8;
@@ -80,7 +83,8 @@ config_section! {
 }
 
 config_section! {
-    /// A wrench sensor between flange and tool: the wrench is then given in its axes, at its origin, and feels the tool.
+    /// A wrench sensor between flange and tool: the wrench is then given in its axes, at its
+    /// origin, and feels the tool.
     pub struct SensorSection {
         /// Where it is in the frame of the TCP.
         origin_m: [f64; 3] = [0.0, 0.0, 0.0], unit "m", range -2.0..=2.0;
@@ -154,7 +158,8 @@ config_section! {
         surface: Option<SurfaceSection>;
         /// The wrench estimate.
         wrench: WrenchSection;
-        /// What measures it; when absent the estimate is given as it is, base frame, robot on environment.
+        /// What measures it; when absent the estimate is given as it is, base frame, robot on
+        /// environment.
         sensor: Option<SensorSection>;
         /// Sensor noise.
         noise: NoiseSection;
@@ -167,6 +172,8 @@ config_section! {
     }
     cross_check sizes;
 }
+
+config_file!(Scenario);
 
 fn sizes(scenario: &Scenario, _: &str, errors: &mut Vec<ConfigError>) {
     let (joints, axes) = (scenario.robot.joint.len(), scenario.robot.task_axes as usize);

@@ -1,6 +1,8 @@
-//! From a scenario to a plant: units, and the start pose that makes the contact come at the instant asked for.
+//! From a scenario to a plant: units, and the start pose that makes the contact come at the instant
+//! asked for.
 
-use admittance_core::robot::{Chain, Pose, right_inverse};
+use admittance_core::quantities::Span;
+use admittance_core::robot::{Chain, Pose, SUPPORTED_ARMS, right_inverse};
 use nalgebra::{SVector, Vector3};
 
 use crate::environment::Surface;
@@ -13,11 +15,11 @@ use crate::scenario::Scenario;
 use crate::wrench_estimate::WrenchEstimate;
 use crate::wrench_sensor::WrenchSensor;
 
-/// Why a scenario that passed its checks can still not be set up.
+/// Why a scenario that passed its checks cannot be set up.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SetupError {
     /// Joints and task axes are not one of the pairs that the plant knows.
-    #[error("robot: {joints} joints with {axes} task axes: accepted are 2 with 2, 6 with 6, 7 with 6")]
+    #[error("robot: {joints} joints with {axes} task axes: accepted are {}", SUPPORTED_ARMS)]
     Arm {
         /// Joints.
         joints: usize,
@@ -60,7 +62,7 @@ const START_ITERATIONS: usize = 12;
 const START_TOLERANCE_M: f64 = 1e-9;
 
 fn nanoseconds(seconds: f64) -> u64 {
-    (seconds * 1e9).round() as u64
+    Span::from_seconds(seconds).nanoseconds()
 }
 
 /// Whole samples in `seconds`.
@@ -68,8 +70,8 @@ fn samples(seconds: f64, sampling_time_s: f64) -> i64 {
     (seconds / sampling_time_s).round() as i64
 }
 
-/// The plant of a scenario, with its first sample stamped `first_stamp_ns`. With `wait_for_command` the motion starts only
-/// after the first valid command.
+/// The plant of a scenario, with its first sample stamped `first_stamp_ns`. With `wait_for_command`
+/// the motion starts only after the first valid command.
 ///
 /// # Errors
 /// [`SetupError`].
@@ -155,8 +157,8 @@ fn check_pose<const N: usize, const D: usize>(chain: &Chain<N>, q: &SVector<f64,
     )
 }
 
-/// The start from which the motion, in free space, brings the TCP to `point` at `instant_ns` after its start: run the same
-/// plant without a surface, shift the start by where it missed, repeat.
+/// The start from which the motion, in free space, brings the TCP to `point` at `instant_ns` after
+/// its start: run the same plant without a surface, shift the start by where it missed, repeat.
 fn solve_start<const N: usize, const D: usize>(
     parameters: &PlantParameters<N, D>,
     point: Vector3<f64>,

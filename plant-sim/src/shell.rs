@@ -1,16 +1,18 @@
-//! The plant in real time: sample at nominal instants, publish, wait for the answer, publish the truth, integrate.
+//! The plant in real time: sample at nominal instants, publish, wait for the answer, publish the
+//! truth, integrate.
 
 use std::ffi::OsString;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use admittance_client::Ports;
+use admittance_core::quantities::Span;
 use admittance_host::clock::{monotonic_ns, sleep_then_spin_until_ns, sleep_until_ns};
 use admittance_host::config::{self, LoadError};
 use admittance_host::exit::ExitCode;
 use admittance_host::realtime::{StepOutcome, go_real_time};
 use admittance_host::{cpu, logging};
 use ipc_types::services::{self, Access};
-use ipc_types::{CommandSample, IpcSettings, Node, Notifier, Publisher, StateSample, Subscriber, TruthSample};
 
 use crate::args::{self, Args, Invocation};
 use crate::plant::CycleTiming;
@@ -18,40 +20,13 @@ use crate::run::{AnyPlant, any_plant};
 use crate::scenario::Scenario;
 use crate::summary::Summary;
 
-/// Before each sample the plant stops sleeping and spins, so that it publishes at the nominal instant.
+/// Before each sample the plant stops sleeping and spins, so that it publishes at the nominal
+/// instant.
 const SPIN_NS: u64 = 150_000;
 /// Before each sample it stops looking for answers, to integrate.
 const INTEGRATION_NS: u64 = 400_000;
-/// Between two looks for an answer that is late already.
+/// Time between two looks for an answer that is already late.
 const LATE_POLL_NS: u64 = 30_000;
-
-/// Ports; the node goes last.
-struct Ports {
-    states: Publisher<StateSample>,
-    arrived: Notifier,
-    commands: Subscriber<CommandSample>,
-    truths: Publisher<TruthSample>,
-    _node: Node,
-}
-
-impl Ports {
-    fn open(settings: &IpcSettings) -> Result<Self, String> {
-        let node = settings.node("plant-sim").map_err(|error| error.to_string())?;
-        let text = |error: &dyn std::fmt::Display| error.to_string();
-        let (instance, create) = (&settings.instance, Access::OpenOrCreate);
-        let state = services::state(&node, instance, create).map_err(|e| text(&e))?;
-        let arrival = services::state_arrival(&node, instance, create).map_err(|e| text(&e))?;
-        let command = services::command(&node, instance, create).map_err(|e| text(&e))?;
-        let truth = services::truth(&node, instance, create).map_err(|e| text(&e))?;
-        Ok(Self {
-            states: state.publisher().map_err(|e| text(&e))?,
-            arrived: arrival.notifier().map_err(|e| text(&e))?,
-            commands: command.subscriber().map_err(|e| text(&e))?,
-            truths: truth.publisher().map_err(|e| text(&e))?,
-            _node: node,
-        })
-    }
-}
 
 /// Runs the plant with these arguments (without the program's name) and says how it ended.
 pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
@@ -82,6 +57,12 @@ pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
 }
 
 fn run(args: Args) -> Result<(), (ExitCode, String)> {
+    // Before anything that takes time: a signal that comes meanwhile is acted on.
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
+        signal_hook::flag::register(signal, Arc::clone(&stop))
+            .map_err(|error| (ExitCode::Unavailable, format!("signal handlers: {error}")))?;
+    }
     logging::init().map_err(|why| (ExitCode::Usage, why))?;
     ipc_types::quiet_iceoryx2();
     let scenario: Scenario =
@@ -90,12 +71,12 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
         .ipc
         .settings(args.instance.as_deref(), args.root_path, args.prefix)
         .map_err(|why| (ExitCode::Config, why))?;
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
-        signal_hook::flag::register(signal, Arc::clone(&stop))
-            .map_err(|error| (ExitCode::Unavailable, format!("signal handlers: {error}")))?;
-    }
-    let ports = Ports::open(&settings).map_err(|why| (ExitCode::Unavailable, why))?;
+    let unavailable = |why: String| (ExitCode::Unavailable, why);
+    let ports = Ports::open(&settings, "plant-sim").map_err(unavailable)?;
+    let truths = services::truth(ports.node(), &settings.instance, Access::OpenOrCreate)
+        .map_err(|error| unavailable(error.to_string()))?
+        .publisher()
+        .map_err(|error| unavailable(error.to_string()))?;
     for report in go_real_time(&scenario.realtime) {
         if let StepOutcome::Refused(why) = report.outcome {
             if scenario.realtime.require_realtime {
@@ -113,15 +94,15 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
     let boot_id = (first ^ u64::from(std::process::id()) << 32) | 1;
     let mut plant =
         any_plant(&scenario, first, boot_id, true).map_err(|error| (ExitCode::Config, error.to_string()))?;
-    let sampling_time = (scenario.timing.sampling_time_s * 1e9).round() as u64;
-    let delay = (scenario.timing.command_delay_s * 1e9).round() as u64;
+    let sampling_time = Span::from_seconds(scenario.timing.sampling_time_s).nanoseconds();
+    let delay = Span::from_seconds(scenario.timing.command_delay_s).nanoseconds();
     let patience = first + (args.controller_timeout_s * 1e9) as u64;
     let mut summary = Summary::of_scenario(&scenario);
     while !plant.is_finished() && !stop.load(Ordering::Relaxed) {
         let timing = cycle(&ports, &mut *plant, sampling_time, delay);
         let truth = plant.settle(timing);
-        if let Ok(slot) = ports.truths.loan_uninit() {
-            // Nobody may be watching: that is no failure.
+        if let Ok(slot) = truths.loan_uninit() {
+            // No subscriber is no failure.
             let _ = slot.write_payload(truth).send();
         }
         summary.add(&truth);
@@ -162,19 +143,17 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
 /// Publishes the current sample at its instant and waits for its answer.
 fn cycle(ports: &Ports, plant: &mut dyn AnyPlant, sampling_time: u64, delay: u64) -> CycleTiming {
     let stamp = plant.now_ns();
-    let slot = ports.states.loan_uninit();
+    let slot = ports.loan();
     sleep_then_spin_until_ns(stamp, SPIN_NS);
     let lateness_ns = monotonic_ns().saturating_sub(stamp);
     if plant.publishes()
-        && let Ok(slot) = slot
+        && let Some(slot) = slot
     {
-        // A send without subscribers is no failure: the daemon may not run yet.
-        let _ = slot.write_payload(*plant.sample()).send();
-        let _ = ports.arrived.notify();
+        ports.publish(slot, plant.sample());
     }
     let give_up = stamp + sampling_time - INTEGRATION_NS.min(sampling_time / 2);
     loop {
-        if let Ok(Some(command)) = ports.commands.receive() {
+        if let Some(command) = ports.command() {
             let visible = monotonic_ns();
             match plant.receive(&command, visible) {
                 Ok(_) if command.state_sequence == plant.sample().sequence => {

@@ -1,4 +1,4 @@
-//! What a run showed, from the plant's truth alone.
+//! Results of a run, from the plant's truth alone.
 
 use ipc_types::TruthSample;
 
@@ -20,7 +20,7 @@ pub struct Summary {
     pub contact_losses: u32,
     /// State samples seen since the motion started.
     pub cycles: u64,
-    /// Commands that were not there when they had to act.
+    /// Commands that came too late to act.
     pub missed_samples: u64,
     /// Scenario time of the first contact in s.
     pub first_contact_s: Option<f64>,
@@ -63,7 +63,8 @@ impl Summary {
         }
     }
 
-    /// For a scenario: the tangent is the component of the first phase's velocity along its surface.
+    /// For a scenario: the tangent is the component of the first phase's velocity along its
+    /// surface.
     pub fn of_scenario(scenario: &crate::scenario::Scenario) -> Self {
         let duration: f64 = scenario.motion.iter().map(|phase| phase.duration_s).sum();
         let twist = &scenario.motion[0].twist;
@@ -98,7 +99,8 @@ impl Summary {
         self.settled.value()
     }
 
-    /// Mean speed along the surface in m/s over the last 0.2 s of the motion; positive downhill with the motion.
+    /// Mean speed along the surface in m/s over the last 0.2 s of the motion; positive downhill
+    /// with the motion.
     pub fn tangential_speed_m_s(&self) -> f64 {
         self.tangential.value()
     }

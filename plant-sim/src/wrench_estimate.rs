@@ -1,4 +1,5 @@
-//! The wrench estimate, equation (6): each axis of the true wrench through a first-order lag T_est, then a pure delay.
+//! The wrench estimate, equation (6): each axis of the true wrench through a first-order lag T_est,
+//! then a pure delay.
 
 use nalgebra::SVector;
 use std::collections::VecDeque;
@@ -11,17 +12,19 @@ pub struct WrenchEstimate<const D: usize> {
     truth: SVector<f64, D>,
 }
 
-/// What an interval does to the estimate; it depends on the interval's length alone.
+/// The effect of an interval on the estimate; it depends on the interval's length alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EstimateStep<const D: usize> {
     /// e^(−h/T) per axis; 0 for an ideal axis.
     decay: SVector<f64, D>,
-    /// (T/h)(1 − e^(−h/T)) per axis: the share of the interval's change that is still missing at its end.
+    /// (T/h)(1 − e^(−h/T)) per axis: the share of the interval's change that is still missing at
+    /// its end.
     missing: SVector<f64, D>,
 }
 
 impl<const D: usize> WrenchEstimate<D> {
-    /// An estimate at rest without any force; a time constant (s) of 0 is an ideal measurement, f̂ = f.
+    /// An estimate at rest without any force; a time constant (s) of 0 is an ideal measurement:
+    /// f̂ = f.
     pub fn new(time_constant_s: SVector<f64, D>) -> Self {
         Self { time_constant_s, estimate: SVector::zeros(), truth: SVector::zeros() }
     }
@@ -35,7 +38,8 @@ impl<const D: usize> WrenchEstimate<D> {
         }
     }
 
-    /// Advances the estimate over an interval in which the true wrench goes in a straight line to `truth`; exact for that.
+    /// Advances the estimate over an interval in which the true wrench goes in a straight line to
+    /// `truth`; exact for that.
     pub fn advance(&mut self, step: &EstimateStep<D>, truth: &SVector<f64, D>) {
         let error = self.estimate - self.truth;
         self.estimate = truth + error.component_mul(&step.decay) - (truth - self.truth).component_mul(&step.missing);
@@ -53,7 +57,8 @@ impl<const D: usize> WrenchEstimate<D> {
     }
 }
 
-/// A pure delay of a signal sampled at uneven instants; between them it is a straight line, before the first it is zero.
+/// A pure delay of a signal sampled at uneven instants; between them it is a straight line, before
+/// the first it is zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DelayLine<const D: usize> {
     delay_ns: u64,
@@ -61,7 +66,8 @@ pub struct DelayLine<const D: usize> {
 }
 
 impl<const D: usize> DelayLine<D> {
-    /// A delay of `delay_ns` that is given at most `capacity` values in any interval of that length; it never allocates again.
+    /// A delay of `delay_ns` that is given at most `capacity` values in any interval of that
+    /// length; it never allocates again.
     pub fn new(delay_ns: u64, capacity: usize) -> Self {
         Self { delay_ns, history: VecDeque::with_capacity(capacity + 2) }
     }
@@ -74,7 +80,7 @@ impl<const D: usize> DelayLine<D> {
     /// Adds the value at an instant, later than all before it.
     pub fn push(&mut self, now_ns: u64, value: &SVector<f64, D>) {
         let oldest = now_ns.saturating_sub(self.delay_ns);
-        // Two values bracket the delayed instant: what lies before them is never asked for again.
+        // Two values bracket the delayed instant: earlier ones are never needed again.
         while self.history.len() > 1 && self.history[1].0 <= oldest {
             self.history.pop_front();
         }
@@ -128,7 +134,7 @@ mod tests {
         estimate.advance(&rise, &Vector1::new(100.0));
         estimate.advance(&rise, &Vector1::new(100.0));
         let before = estimate.estimate()[0];
-        // A fall within one nanosecond, then silence.
+        // A drop within one nanosecond, then zero.
         let jump = estimate.step(1e-9);
         estimate.advance(&jump, &Vector1::new(0.0));
         estimate.advance(&fall, &Vector1::new(0.0));

@@ -1,5 +1,5 @@
-//! A real wrench sensor between flange and tool: it feels the tool's weight beside the contact, sits somewhere else than the TCP
-//! in axes of its own, may report the reaction, is biased, and has an end.
+//! A real wrench sensor between flange and tool: it feels the tool's weight besides the contact,
+//! has its own axes away from the TCP, may report the reaction, is biased, and saturates.
 
 use admittance_core::robot::{Pose, rotation_from_rpy};
 use nalgebra::{Matrix3, Vector3, Vector6};
@@ -36,8 +36,8 @@ impl WrenchSensor {
         }
     }
 
-    /// Force and torque in the sensor's axes at its origin, when the tool at rest exerts `wrench` (base frame, at the TCP) on the
-    /// environment; `tcp` is the orientation of the TCP.
+    /// Force and torque in the sensor's axes at its origin, when the tool at rest exerts `wrench`
+    /// (base frame, at the TCP) on the environment; `tcp` is the orientation of the TCP.
     pub fn reading(&self, wrench: &Vector6<f64>, tcp: &Matrix3<f64>) -> Vector6<f64> {
         let contact_force = wrench.fixed_rows::<3>(0).into_owned();
         let contact_torque = wrench.fixed_rows::<3>(3).into_owned();
@@ -61,7 +61,8 @@ impl WrenchSensor {
 mod tests {
     use super::*;
 
-    /// A tool of 2 kg that hangs 0.1 m below a sensor, itself 0.2 m above the TCP; all axes parallel.
+    /// A tool of 2 kg that hangs 0.1 m below a sensor, itself 0.2 m above the TCP; all axes
+    /// parallel.
     fn sensor() -> WrenchSensor {
         WrenchSensor {
             pose: Pose { position: Vector3::new(0.0, 0.0, 0.2), rotation: Matrix3::identity() },

@@ -1,11 +1,11 @@
-//! When commands act, what is played when they are missed, and which are not accepted.
+//! When commands act, what is played if they are missed, and which are rejected.
 
 mod common;
 
+use admittance_client::Rejection;
 use common::{command, paper, scenario};
-use ipc_types::{CommandSample, Motion, StateSample, TruthSample};
+use ipc_types::{CommandSample, Motion, StateSample, TruthSample, VirtualPlant};
 use plant_sim::plant::{CycleTiming, Plant};
-use plant_sim::playback::Rejection;
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 use plant_sim::setup;
@@ -32,12 +32,12 @@ fn step(plant: &mut Plant<2, 2>) -> TruthSample {
     truth
 }
 
-/// The instant at which the first joint's velocity reference changed from 0 to `reference`, from a sample after it.
+/// The instant at which the first joint's velocity reference changed from 0 to `reference`.
 fn acted_at_ns(truth: &TruthSample, reference: f64) -> f64 {
     truth.stamp_ns as f64 + 0.015e9 * (1.0 - truth.joint_velocity[0] / reference).ln()
 }
 
-/// The velocity reference of the first joint for an offset of 1 µm/s: so small that J stays as it is.
+/// The velocity reference of the first joint for an offset of 1 µm/s: so small that J stays.
 const OFFSET: [f64; 2] = [1e-6, -2e-6];
 
 fn reference(state: &StateSample) -> f64 {
@@ -72,7 +72,8 @@ fn a_command_acts_at_its_instant_exactly() {
     }
 }
 
-/// An answer with a plan: 1, 2, 3 µm/s in x, each for one sampling time, valid for 2.5 of them after it acts.
+/// An answer with a plan: 1, 2, 3 µm/s in x, each for one sampling time, valid for 2.5 of them
+/// after it acts.
 fn planned(state: &StateSample, delay_ns: u64) -> CommandSample {
     let mut command = command(state, &[1e-6, 0.0]);
     command.plan_length = 3;
@@ -108,7 +109,8 @@ fn a_missed_command_means_the_plan_and_then_hold() {
         }
         let missed: Vec<_> = truths.iter().map(|truth| (truth.missed, truth.missed_commands)).collect();
         assert_eq!(missed, [(0, 0), (1, 1), (1, 2), (1, 3), (1, 4), (1, 5), (1, 6)], "delay {delay_ns}");
-        // Hold begins at valid-until to the nanosecond: from there on the joint velocity only decays.
+        // Hold begins at valid-until to the nanosecond: from there on the joint velocity only
+        // decays.
         let valid_until_ns = 1_000_000_000 + delay_ns + SAMPLING_TIME_NS * 5 / 2;
         let decayed =
             |truth: &TruthSample| truth.joint_velocity[0] * ((truth.stamp_ns - valid_until_ns) as f64 / 0.015e9).exp();
@@ -118,7 +120,8 @@ fn a_missed_command_means_the_plan_and_then_hold() {
     }
 }
 
-/// Whether integrating from the sample before by hand gives the joint velocity `expected` at the instant of hold.
+/// Whether integrating from the sample before by hand gives the joint velocity `expected` at the
+/// instant of hold.
 fn velocity_at_hold(before: &TruthSample, hold_ns: u64, delay_ns: u64, expected: f64) -> bool {
     let (q1, q12) = (before.joint_position[0], before.joint_position[0] + before.joint_position[1]);
     let j = nalgebra::Matrix2::new(-q1.sin() - q12.sin(), -q12.sin(), q1.cos() + q12.cos(), q12.cos());

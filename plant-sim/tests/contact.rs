@@ -4,12 +4,13 @@ mod common;
 
 use admittance_host::config::Section;
 use common::{PAPER, SIX_JOINT, paper, run, scenario};
-use ipc_types::{StateSample, TruthSample};
+use ipc_types::{StateSample, TruthSample, VirtualPlant};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 use plant_sim::summary::Summary;
 
-/// The instant in s at which the truth's depth passes zero: a cubic through depth and speed of the samples around it.
+/// The instant in s at which the truth's depth passes zero: a cubic through depth and speed of the
+/// samples around it.
 fn free_crossing(scenario: &Scenario, truths: &[TruthSample]) -> f64 {
     let normal = scenario.surface.as_ref().expect("a surface").normal;
     let speed = |truth: &TruthSample| -normal.iter().zip(truth.tcp_twist).map(|(n, v)| n * v).sum::<f64>();
@@ -58,7 +59,8 @@ fn damping(damping: [f64; 2]) -> impl FnMut(&StateSample) -> Vec<f64> {
 
 #[test]
 fn damping_laws_do_what_the_paper_shows() {
-    // Equation (3) with (22) at 0.25 m/s and 4 ms without delay; DESIGN's fact 1, within 3 %.
+    // Equation (3) with (22) at 0.25 m/s and 4 ms without delay; the prototype's figures
+    // (docs/design.md), within 3 %.
     let (mut low_peaks, mut high_peaks) = (Vec::new(), Vec::new());
     for phase in 0..16 {
         let scenario = paper(f64::from(phase) / 16.0);
@@ -73,7 +75,8 @@ fn damping_laws_do_what_the_paper_shows() {
         assert!((high.peak_force_y_n / 625.0 - 1.0).abs() < 0.03, "high, phase {phase}: {} N", high.peak_force_y_n);
         assert_eq!(high.contact_losses, 0, "high, phase {phase}");
         assert!((high.settled_force_y_n() / 349.0 - 1.0).abs() < 0.03, "{} N", high.settled_force_y_n());
-        // At rest along the normal f = −n f_n, so that nᵀ(ṗ0 − D⁻¹f) = 0 and the tangential speed follows from it.
+        // At rest along the normal f = −n f_n, so that nᵀ(ṗ0 − D⁻¹f) = 0 and the tangential speed
+        // follows from it.
         let (sine, cosine) = 25f64.to_radians().sin_cos();
         let normal_force = 0.25 * cosine / (sine * sine / 1000.0 + cosine * cosine / 2000.0);
         assert!((high.settled_force_y_n() / (normal_force * cosine) - 1.0).abs() < 0.01, "against the closed form");

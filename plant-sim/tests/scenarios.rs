@@ -1,10 +1,11 @@
-//! Scenario files: what is shipped works, and what is wrong is named.
+//! Scenario files: the shipped ones work, and mistakes are named.
 
 mod common;
 
 use admittance_host::config::mutation::check_every_key;
 use admittance_host::config::parse;
 use common::{PAPER, PLANAR_FREE, SIX_JOINT, run, scenario};
+use ipc_types::VirtualPlant;
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 use plant_sim::setup::SetupError;

@@ -15,32 +15,18 @@ pub struct Binaries {
     pub plant_sim: PathBuf,
     /// The tool.
     pub admittancectl: PathBuf,
+    /// What developers measure with.
+    pub admittance_lab: PathBuf,
 }
 
-/// Where the programs are already, built as the tests were: a directory.
-const BUILT: &str = "ADMITTANCE_BINARIES";
-
-/// Builds the programs in the profile of the running test and says where they are. Cargo does the work once in a test run:
-/// later calls, also from other test binaries, find everything up to date. With `ADMITTANCE_BINARIES` they are in that directory
-/// already: `cargo test` of the whole workspace builds them as well, with other features of their dependencies.
+/// Builds the programs in the profile of the running test and says where they are. `cargo test` has
+/// built them already: cargo finds everything up to date, unless a test was run by itself.
 ///
 /// # Panics
 /// When the build fails (cargo's output is on stderr) or a program is missing from it.
 pub fn binaries() -> &'static Binaries {
     static BINARIES: OnceLock<Binaries> = OnceLock::new();
-    BINARIES.get_or_init(|| match std::env::var_os(BUILT) {
-        Some(directory) => within(Path::new(&directory)),
-        None => build(),
-    })
-}
-
-fn within(directory: &Path) -> Binaries {
-    let path = |name: &str| {
-        let path = std::path::absolute(directory.join(name)).expect("a path");
-        assert!(path.is_file(), "{BUILT} = {}: there is no {name} in it", directory.display());
-        path
-    };
-    Binaries { admittanced: path("admittanced"), plant_sim: path("plant-sim"), admittancectl: path("admittancectl") }
+    BINARIES.get_or_init(build)
 }
 
 fn build() -> Binaries {
@@ -48,7 +34,8 @@ fn build() -> Binaries {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut child = Command::new(cargo)
-        // All members, because cargo chooses the features of a dependency for what is built together.
+        // All members, as for `cargo test`: features of a dependency are chosen for what is built
+        // together.
         .args(["build", "--workspace", "--bins", "--message-format=json-render-diagnostics"])
         .args(["--profile", profile(&test)])
         .current_dir(root)
@@ -65,10 +52,16 @@ fn build() -> Binaries {
         let found = programs.iter().find(|(program, _)| program == name);
         found.map(|(_, path)| path.clone()).unwrap_or_else(|| panic!("cargo built no program {name}: {programs:?}"))
     };
-    Binaries { admittanced: path("admittanced"), plant_sim: path("plant-sim"), admittancectl: path("admittancectl") }
+    Binaries {
+        admittanced: path("admittanced"),
+        plant_sim: path("plant-sim"),
+        admittancectl: path("admittancectl"),
+        admittance_lab: path("admittance-lab"),
+    }
 }
 
-/// The profile of a test at TARGET/DIRECTORY/deps/NAME: the directory is named after it, except that dev's is "debug".
+/// The profile of a test at TARGET/DIRECTORY/deps/NAME: the directory is named after it, except
+/// that dev's is "debug".
 fn profile(test: &Path) -> &str {
     let directory = test.ancestors().nth(2).and_then(Path::file_name).and_then(|name| name.to_str());
     match directory {

@@ -1,4 +1,4 @@
-//! A child process that never outlives its test, with all that it wrote.
+//! A child process that never outlives its test, and its output.
 
 use std::fmt::Write as _;
 use std::io::Read;
@@ -10,14 +10,15 @@ use std::time::{Duration, Instant};
 
 use crate::terminal::{Terminal, take_terminal};
 
-/// How long a test waits for something that is bound to happen before it says that it hangs.
+/// How long a test waits for something that must happen before it fails.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
 const POLL: Duration = Duration::from_millis(2);
 /// Lines of each stream in a failure's message.
 const LAST_LINES: usize = 60;
 
-/// A running or ended program. Dropped, it is killed and reaped; when the test fails, its output is printed then.
+/// A running or ended program. Dropped, it is killed and reaped; when the test fails, its output is
+/// printed then.
 #[derive(Debug)]
 pub struct Child {
     name: String,
@@ -28,8 +29,9 @@ pub struct Child {
 }
 
 impl Child {
-    /// Starts the program with an empty stdin and its output captured. The kernel kills it when the thread that called this
-    /// ends, so that it dies with its test however that ends: keep it on that thread.
+    /// Starts the program with an empty stdin and its output captured. The kernel kills it when the
+    /// thread that called this ends, so that it dies with its test however that ends: keep it on
+    /// that thread.
     ///
     /// # Panics
     /// When the program does not start.
@@ -38,7 +40,8 @@ impl Child {
         let name = command.get_program().to_string_lossy().rsplit('/').next().unwrap_or_default().to_owned();
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let parent = std::process::id();
-        // SAFETY: between fork and exec only async-signal-safe calls are made and nothing is allocated.
+        // SAFETY: between fork and exec only async-signal-safe calls are made and nothing is
+        // allocated.
         unsafe { command.pre_exec(move || die_with(parent)) };
         let mut process = command.spawn().unwrap_or_else(|error| panic!("{command:?} does not start: {error}"));
         let stdout = Captured::of(process.stdout.take().expect("stdout is piped"));
@@ -46,8 +49,8 @@ impl Child {
         Self { name, process, stdout, stderr, status: None }
     }
 
-    /// Starts the program on a terminal of its own: what it writes there is its stdout, and it has no stderr apart. Else as
-    /// [`Self::spawn`].
+    /// Starts the program on a terminal of its own: what it writes there is its stdout, and it has
+    /// no stderr apart. Else as [`Self::spawn`].
     ///
     /// # Panics
     /// When the program does not start.
@@ -58,7 +61,8 @@ impl Child {
         let end = || Stdio::from(slave.try_clone().expect("a descriptor is left"));
         command.stdin(end()).stdout(end()).stderr(end()).env("TERM", "xterm-256color");
         let parent = std::process::id();
-        // SAFETY: between fork and exec only async-signal-safe calls are made and nothing is allocated.
+        // SAFETY: between fork and exec only async-signal-safe calls are made and nothing is
+        // allocated.
         unsafe { command.pre_exec(move || die_with(parent).and_then(|()| take_terminal())) };
         let process = command.spawn().unwrap_or_else(|error| panic!("{command:?} does not start: {error}"));
         // The command keeps ends of the terminal: as long as they are open its output does not end.
@@ -72,12 +76,12 @@ impl Child {
         self.process.id()
     }
 
-    /// All that it wrote to stdout up to now.
+    /// Its output on stdout so far.
     pub fn stdout(&self) -> String {
         self.stdout.text()
     }
 
-    /// All that it wrote to stderr up to now.
+    /// Its output on stderr so far.
     pub fn stderr(&self) -> String {
         self.stderr.text()
     }
@@ -98,7 +102,8 @@ impl Child {
     /// Sends a signal, such as `libc::SIGSTOP`. Nothing happens when it has ended.
     pub fn signal(&mut self, signal: i32) {
         if self.exit_status().is_none() {
-            // SAFETY: kill touches no memory of this process. The id is still the child's: it has not been reaped.
+            // SAFETY: kill touches no memory of this process. The id is still the child's: it has
+            // not been reaped.
             unsafe { libc::kill(self.id().cast_signed(), signal) };
         }
     }
@@ -157,7 +162,8 @@ impl Child {
         report
     }
 
-    /// What an ended program wrote last may still be in the pipes. A grandchild may keep them open: then go on without.
+    /// The last output of an ended program may still be in the pipes. If a grandchild keeps them
+    /// open it is not waited for.
     fn collect_output(&self) {
         let end = Instant::now() + Duration::from_secs(5);
         while !(self.stdout.is_complete() && self.stderr.is_complete()) && Instant::now() < end {
@@ -172,7 +178,7 @@ impl Drop for Child {
             if std::thread::panicking() {
                 eprintln!("{}", self.report());
             }
-            // It may have ended in between: there is nothing left to kill then.
+            // It may have ended in the meantime: then there is nothing to kill.
             let _ = self.process.kill();
             let _ = self.process.wait();
         } else if std::thread::panicking() {
@@ -194,7 +200,8 @@ pub fn wait_until(what: &str, timeout: Duration, mut condition: impl FnMut() -> 
     }
 }
 
-/// In the child, before exec: asks for SIGKILL when its parent dies, and ends if that has happened already.
+/// In the child, before exec: asks for SIGKILL when its parent dies, and ends if that has happened
+/// already.
 fn die_with(parent: u32) -> std::io::Result<()> {
     // SAFETY: prctl with PR_SET_PDEATHSIG takes a signal by value and touches no memory.
     if unsafe { libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL) } != 0 {

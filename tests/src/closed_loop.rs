@@ -1,9 +1,12 @@
-//! The daemon's cycle against the plant in virtual time, sample by sample: no clock, no process, every sample recorded.
+//! The daemon's cycle against the plant in virtual time, sample by sample: no clock, no process,
+//! every sample recorded.
 
-use admittance_core::outcome::Counters;
+use admittance_core::Counters;
+use admittance_core::quantities::Span;
 use admittance_host::config::parse;
-use admittanced::config::Config;
-use admittanced::cycle::{self, Cycle, CycleReport};
+use admittance_runner::config::Config;
+use admittance_runner::cycle::{self, Cycle, CycleReport};
+use admittance_runner::virtual_time::{Step, VirtualTime};
 use ipc_types::{CommandSample, Mode, StateSample, StopReason, TruthSample, Verdict};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::{MotionSection, Scenario};
@@ -29,8 +32,8 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// The default profile on the paper's arm and surface: T_s (s), the speed (m/s) of the paper's motion, straight down. First
-    /// contact 0.2 s after the start, the run 1 s.
+    /// The default profile on the paper's arm and surface: T_s (s), the speed (m/s) of the paper's
+    /// motion, straight down. First contact 0.2 s after the start, the run 1 s.
     pub fn paper(sampling_time: f64, speed: f64) -> Self {
         Self::new(MPC_DEFAULT, PAPER_SCENARIO, sampling_time).with_motion(&[(1.0, &[0.0, -speed])])
     }
@@ -98,7 +101,8 @@ impl Experiment {
         self.run_with(|_, _| {})
     }
 
-    /// Runs to the end of the motion; `before` sees the controller and every sample before it is answered.
+    /// Runs to the end of the motion; `before` sees the controller and every sample before it is
+    /// answered.
     ///
     /// # Panics
     /// When config or scenario cannot be set up, or the plant refuses a command.
@@ -106,36 +110,29 @@ impl Experiment {
         self.run_in_time(before, |_, _| false)
     }
 
-    /// Runs to the end of the motion like [`Self::run_with`]; `expired` is what the solver is told about a sample when it asks,
-    /// for the how manieth time from 0.
+    /// Runs to the end of the motion like [`Self::run_with`]. `expired` says whether time is up
+    /// when the law asks about a sample; it is given how often the law has asked, this time
+    /// included.
     ///
     /// # Panics
     /// As [`Self::run_with`].
     pub fn run_in_time(
         &self,
         mut before: impl FnMut(&mut dyn Cycle, &StateSample),
-        mut expired: impl FnMut(&StateSample, u32) -> bool,
+        mut expired: impl FnMut(&StateSample, u64) -> bool,
     ) -> Run {
-        let mut cycle = cycle::build(&self.config).expect("the config describes a controller");
-        let mut plant = VirtualRun::new(&self.scenario).expect("the scenario can be set up");
-        let mut command = CommandSample::zeroed();
+        let plant = VirtualRun::new(&self.scenario).expect("the scenario can be set up");
+        let mut run = VirtualTime::new(cycle::build(&self.config).expect("the config describes a controller"), plant);
         let mut instants = Vec::new();
-        while !plant.is_finished() {
-            let state = *plant.sample().expect("no fault drops samples");
-            before(cycle.as_mut(), &state);
-            let mut asked = 0;
-            let mut is_expired = || {
-                asked += 1;
-                expired(&state, asked - 1)
-            };
-            let report = cycle.answer(&state, state.stamp_ns, &mut is_expired, &mut command);
-            command.sequence += 1;
-            let truth = plant.advance(Some(&command)).expect("the plant takes every command");
-            let contact_point = cycle.contact_point();
+        while let Some(state) = run.sample().expect("no fault drops samples").copied() {
+            before(run.cycle.as_mut(), &state);
+            let step = run.step_in_time(|asked| expired(&state, asked)).expect("the plant takes every command");
+            let Some(Step { state, command, report, truth, .. }) = step else { break };
+            let contact_point = run.cycle.belief().contact_point.into();
             instants.push(Instant { state, command, report, truth, contact_point });
         }
         let normal = self.scenario.surface.as_ref().map_or([0.0; 3], |surface| surface.normal);
-        Run { instants, counters: cycle.counters(), normal, sampling_time: self.scenario.timing.sampling_time_s }
+        Run { instants, counters: run.cycle.counters(), normal, sampling_time: self.scenario.timing.sampling_time_s }
     }
 
     /// Runs `count` instants of contact, evenly over a sample.
@@ -177,7 +174,7 @@ impl Instant {
     pub fn plan(&self) -> impl Iterator<Item = ([f64; 6], f64)> {
         let mut begun = 0;
         (0..self.command.plan_length as usize).map(move |step| {
-            let length = (self.command.plan_end_ns[step] - begun) as f64 * 1e-9;
+            let length = Span::from_nanoseconds(self.command.plan_end_ns[step] - begun).seconds();
             begun = self.command.plan_end_ns[step];
             (self.command.planned_offset[step], length)
         })
@@ -226,7 +223,7 @@ impl Run {
 
     /// The first stop reason of the run that is not `None`.
     pub fn stop_reason(&self) -> Option<u32> {
-        let reason = |at: &Instant| Some(at.command.stop_reason).filter(|reason| *reason != StopReason::None.code());
+        let reason = |at: &Instant| Some(at.command.stop_reason).filter(|reason| *reason != StopReason::NONE);
         self.instants.iter().find_map(reason)
     }
 
@@ -250,7 +247,8 @@ impl Run {
         self.instants.iter().filter(|at| at.report.limited).count()
     }
 
-    /// Mean of `value` over the last tenth of a second of the motion; the last sample of a run is the one after it.
+    /// Mean of `value` over the last tenth of a second of the motion; the last sample of a run is
+    /// the one after it.
     pub fn settled(&self, value: impl Fn(&Instant) -> f64) -> f64 {
         let end = self.instants.len() - 1;
         let count = ((SETTLED_S / self.sampling_time) as usize).min(end);

@@ -1,8 +1,9 @@
-//! What the end-to-end tests share: the shipped binaries, a private place in shared memory, children that never outlive
-//! their test, and what a test needs beyond the Rust toolchain.
+//! What the end-to-end tests share: the shipped binaries, a private place in shared memory,
+//! children that never outlive their test, and what a test needs beyond the Rust toolchain.
 //!
-//! Declare the [`PrivateIpc`] before the [`Child`]ren that use it: values are dropped in reverse order, and files must not
-//! be removed under a running program. Timeouts only end a test that hangs; no test asserts how fast something is.
+//! Declare the [`PrivateIpc`] before the [`Child`]ren that use it: values are dropped in reverse
+//! order, and files must not be removed under a running program. Timeouts only end a test that
+//! hangs; no test asserts how fast something is.
 
 mod binaries;
 mod child;

@@ -1,4 +1,4 @@
-//! What a test needs beyond the Rust toolchain.
+//! Requirements of a test beyond the Rust toolchain.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,8 @@ const PYTHON: &str = "ADMITTANCE_PYTHON";
 /// Something that not every machine has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Need {
-    /// A Python 3 that imports iceoryx2 of [`ICEORYX2_PYTHON_VERSION`] and mcap of [`MCAP_PYTHON_VERSION`]: see [`python`].
+    /// A Python 3 that imports iceoryx2 of [`ICEORYX2_PYTHON_VERSION`] and mcap of
+    /// [`MCAP_PYTHON_VERSION`]: see [`python`].
     Python,
     /// Effective user id 0.
     Root,
@@ -39,7 +40,8 @@ pub fn needs(need: Need) -> bool {
         Ok(None) => true,
         Ok(Some(reason)) => {
             let test = std::thread::current().name().unwrap_or("test").to_owned();
-            // Not eprintln!: the harness shows that of failing tests only. A closed stderr is no reason to fail.
+            // Not eprintln!: the harness shows that of failing tests only. A closed stderr is no
+            // reason to fail.
             let _ = writeln!(std::io::stderr(), "SKIPPED: {reason} ({test})");
             false
         }
@@ -47,8 +49,9 @@ pub fn needs(need: Need) -> bool {
     }
 }
 
-/// The interpreter of [`Need::Python`]: the first of `ADMITTANCE_PYTHON`, the one that `.ci/run` installs, and `python3` that
-/// has the packages; `ADMITTANCE_PYTHON`, when set, is the only one looked at.
+/// The interpreter of [`Need::Python`]: the first of `ADMITTANCE_PYTHON`, the one that `.ci/run`
+/// installs, and `python3` that has the packages; `ADMITTANCE_PYTHON`, when set, is the only one
+/// looked at.
 pub fn python() -> Option<PathBuf> {
     find_python().as_ref().ok().cloned()
 }
@@ -125,7 +128,8 @@ fn installed_by_ci() -> Option<PathBuf> {
     Some(cache.join("admittanced-ci/python/bin/python3")).filter(|path| path.exists())
 }
 
-/// Runs a program to see whether it works; the error names it and ends with the last line that it wrote to stderr.
+/// Runs a program to see whether it works; the error names it and ends with the last line that it
+/// wrote to stderr.
 fn run(program: &str, arguments: &[&str]) -> Result<(), String> {
     let output = Command::new(program).args(arguments).stdin(Stdio::null()).output();
     let output = output.map_err(|error| format!("{program} does not run: {error}"))?;

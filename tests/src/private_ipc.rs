@@ -3,8 +3,8 @@
 use ipc_types::{Instance, IpcSettings, remove_all, shared_memory_files};
 use std::path::{Path, PathBuf};
 
-/// A private root path and prefix, both removed on drop with everything that programs left behind there, also programs
-/// that were killed.
+/// A private root path and prefix, both removed on drop with everything that programs left behind
+/// there, also programs that were killed.
 #[derive(Debug)]
 pub struct PrivateIpc {
     settings: IpcSettings,
@@ -17,7 +17,8 @@ impl PrivateIpc {
     /// # Panics
     /// When /tmp cannot be written or the name is not an instance name.
     pub fn new(instance: &str) -> Self {
-        // Always /tmp, whatever TMPDIR says: the path of a socket below the root is limited to 107 bytes.
+        // Always /tmp, whatever TMPDIR says: the path of a socket below the root is limited to 107
+        // bytes.
         let directory = tempfile::Builder::new().prefix("adm-").tempdir_in("/tmp").expect("/tmp can be written");
         let unique = directory.path().to_string_lossy().rsplit('-').next().unwrap_or_default().to_owned();
         let instance = Instance::new(instance).expect("the test gives an instance name");
@@ -55,7 +56,7 @@ impl PrivateIpc {
 impl Drop for PrivateIpc {
     fn drop(&mut self) {
         if let Err(error) = remove_all(&self.settings) {
-            // A second panic would hide the first: a failing test only reports what it leaves behind.
+            // A second panic would hide the first: a failing test only reports leftover files.
             assert!(std::thread::panicking(), "{error}");
             eprintln!("{error}");
         }
@@ -75,7 +76,8 @@ mod tests {
         let node = one.settings().node("test").expect("a node can be made in a private place");
         std::fs::write(one.directory().join("config.toml"), one.toml()).expect("the directory can be written");
         assert!(one.settings().root_path.exists());
-        // A program that was killed leaves its files: what a node that is never dropped leaves is the same.
+        // A program that was killed leaves its files: what a node that is never dropped leaves is
+        // the same.
         std::mem::forget(node);
         let left_behind = Path::new("/dev/shm").join(format!("{}0123456789", one.settings().prefix));
         std::fs::write(&left_behind, "x").expect("/dev/shm can be written");

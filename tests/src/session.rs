@@ -1,4 +1,5 @@
-//! The shipped programs as processes of a test: files with changed keys, a daemon, a plant, the plant's truth.
+//! The shipped programs as processes of a test: files with changed keys, a daemon, a plant, the
+//! plant's truth.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -14,11 +15,12 @@ pub const PAPER_SCENARIO: &str = include_str!("../../plant-sim/scenarios/paper.t
 /// The paper's MPC.
 pub const MPC_PAPER: &str = include_str!("../../deploy/demo/mpc-paper.toml");
 
-/// A key that makes the paper's contact infeasible as soon as both axes are in it: on the plane f_x = f_y tan 25°, and 100 N
-/// in x are more than the 200 N allowed in y.
+/// A key that makes the paper's contact infeasible as soon as both axes are in it: on the plane,
+/// f_x = f_y tan 25°, and 100 N in x are more than the 200 N allowed in y.
 pub const CONTRADICTION: (&str, &str) = ("contact.minimum_force", "[100.0, 0.1]");
 
-/// Keys that let the daemon bear a machine that is busy for some cycles, in tests that are not about that.
+/// Keys that let the daemon bear a machine that is busy for some cycles, in tests that are not
+/// about that.
 pub const PATIENT: [(&str, &str); 3] = [
     ("control.max_sample_age_s", "0.1"),
     ("control.answer_budget_s", "0.0035"),
@@ -91,7 +93,7 @@ pub fn plant_command(ipc: &PrivateIpc, scenario: &Path) -> Command {
     command
 }
 
-/// Exit code of a program and all that it wrote.
+/// Exit code and output of a program.
 ///
 /// # Panics
 /// When it does not start.

@@ -13,7 +13,8 @@ const PATH: &str = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin
 /// Lines of the journal that a failing test shows.
 const LAST_LINES: u32 = 80;
 
-/// A running systemd. Dropped, also by a failing test, it is killed with all that it started, and its cgroup removed.
+/// A running systemd. Dropped, also by a failing test, it is killed with all that it started, and
+/// its cgroup removed.
 #[derive(Debug)]
 pub struct Systemd {
     // Dropped in this order: a cgroup can be removed when its processes have gone.
@@ -24,8 +25,8 @@ pub struct Systemd {
     _alone: MutexGuard<'static, ()>,
 }
 
-/// One at a time: the shipped files pin real-time programs to processors, and two plants that spin on one starve whoever else
-/// is pinned there.
+/// One at a time: the shipped files pin real-time programs to processors, and two plants that spin
+/// on one starve whoever else is pinned there.
 static ALONE: Mutex<()> = Mutex::new(());
 
 impl Systemd {
@@ -53,7 +54,8 @@ impl Systemd {
         systemd
     }
 
-    /// Runs a shell command in there, in a working copy of this repository: its exit code, and what it wrote.
+    /// Runs a shell command in there, in a working copy of this repository: its exit code, and what
+    /// it wrote.
     ///
     /// # Panics
     /// When nsenter does not start.
@@ -61,7 +63,8 @@ impl Systemd {
         let output = Command::new("nsenter")
             .args(["--target", &self.manager.to_string(), "--all", "sh", "-c"])
             .arg(format!("cd {REPOSITORY} && {{ {command}\n}}"))
-            // Like the login shell of somebody, not like this test: cargo's variables mean nothing in there.
+            // Like the login shell of somebody, not like this test: cargo's variables mean nothing
+            // in there.
             .env_clear()
             .env("PATH", PATH)
             .stdin(Stdio::null())
@@ -71,7 +74,8 @@ impl Systemd {
         (output.status.code(), text(&output.stdout) + &text(&output.stderr))
     }
 
-    /// Runs a shell command like [`Self::try_run`], which has to succeed, and returns what it wrote.
+    /// Runs a shell command like [`Self::try_run`], which has to succeed, and returns what it
+    /// wrote.
     ///
     /// # Panics
     /// When it fails.
@@ -126,7 +130,8 @@ impl Systemd {
         let processes = self.cgroup.0.join(group.trim_start_matches('/')).join("cgroup.procs");
         let text = std::fs::read_to_string(&processes).unwrap_or_else(|error| panic!("{unit}: {error}"));
         let process = text.trim().parse().unwrap_or_else(|_| panic!("{unit}: not one process: {text:?}"));
-        // SAFETY: kill touches no memory of this process; the id is that of a process of a unit in there.
+        // SAFETY: kill touches no memory of this process; the id is that of a process of a unit in
+        // there.
         assert_eq!(unsafe { libc::kill(process, signal) }, 0, "{unit}: {}", std::io::Error::last_os_error());
     }
 

@@ -20,7 +20,8 @@ impl Terminal {
     pub(crate) fn open() -> (Self, OwnedFd) {
         let (mut master, mut slave) = (-1, -1);
         let size = libc::winsize { ws_row: SIZE.0, ws_col: SIZE.1, ws_xpixel: 0, ws_ypixel: 0 };
-        // SAFETY: the two numbers are valid for writing, the size for reading; no name and no attributes are asked for.
+        // SAFETY: the two numbers are valid for writing, the size for reading; no name and no
+        // attributes are asked for.
         let opened = unsafe {
             libc::openpty(&raw mut master, &raw mut slave, std::ptr::null_mut(), std::ptr::null(), &raw const size)
         };
@@ -54,7 +55,7 @@ impl Terminal {
     }
 }
 
-/// What a person sees on the terminal of `child` now, and whether it is the program's own screen, which goes when it ends.
+/// What the terminal of `child` shows now, and whether that is the alternate screen.
 pub fn screen(child: &Child) -> (String, bool) {
     let mut parser = vt100::Parser::new(SIZE.0, SIZE.1, 0);
     parser.process(child.stdout().as_bytes());

@@ -1,7 +1,7 @@
-# Boots a systemd of its own, apart from the machine's: boot.sh CGROUP REPOSITORY BINARIES, as root. It ends with SIGKILL, and
-# all its processes with it; the cgroup is left for the caller to remove. /etc is a copy, /usr/local empty, and the directories
-# that programs write to are new: nothing that is done in there reaches the machine. /srv/repository is what a user has after a
-# build.
+# Boots a systemd of its own, apart from the machine's: boot.sh CGROUP REPOSITORY BINARIES, as root.
+# It ends with SIGKILL, and all its processes with it; the caller removes the cgroup. /etc is a
+# copy, /usr/local is empty, and the directories that programs write to are new: nothing done in
+# there reaches the machine. /srv/repository is what a user has after a build.
 set -eu
 echo $$ >"$1/cgroup.procs"
 exec unshare --fork --kill-child=KILL --pid --mount --uts --ipc --cgroup --mount-proc -- sh -euc '

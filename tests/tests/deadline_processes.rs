@@ -1,5 +1,6 @@
-//! Deadlines missed for real: processes that are stopped, a hog on the daemon's processor, samples that come late, and a clock
-//! that is set. What has to follow is counted, visible in the command, and over when its cause is.
+//! Deadlines missed for real: processes that are stopped, a hog on the daemon's processor, samples
+//! that come late, and a clock that is set. What has to follow is counted, visible in the command,
+//! and over when its cause is.
 
 use std::cell::Cell;
 use std::sync::{Mutex, PoisonError};
@@ -31,7 +32,7 @@ fn config(more: &[(&str, &str)]) -> String {
 /// A run of daemon and plant.
 struct Run {
     truths: Vec<TruthSample>,
-    /// What the daemon had said of itself when the plant was at each of `truths`.
+    /// The daemon's state at each of `truths` of the plant.
     commands: Vec<CommandSample>,
     log: String,
 }
@@ -51,7 +52,8 @@ impl Run {
 /// Daemons of the same priority on one processor, and a hog, would be each other's disturbance.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// Runs the scenario to its end; `each` sees the truth and may do something to the daemon and the plant.
+/// Runs the scenario to its end; `each` sees the truth and may do something to the daemon and the
+/// plant.
 fn run(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mut Child, &TruthSample)) -> Run {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let ipc = PrivateIpc::new("planar");
@@ -72,7 +74,7 @@ fn run(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mut Child
     Run { truths, commands, log: daemon.stderr() }
 }
 
-/// The first run that the machine did not spoil, according to `is_sound`; `None` on a machine that spoils all.
+/// The first run that a busy machine did not spoil, by `is_sound`; `None` if it spoiled all.
 fn sound_run(mut run: impl FnMut() -> Run, is_sound: impl Fn(&Run) -> bool) -> Option<Run> {
     let found = (0..TRIES).map(|_| run()).find(is_sound);
     if found.is_none() {
@@ -84,12 +86,12 @@ fn sound_run(mut run: impl FnMut() -> Run, is_sound: impl Fn(&Run) -> bool) -> O
 /// What a busy machine may do to a run before the test does anything.
 fn was_quiet_until(run: &Run, time_s: f64) -> bool {
     let before = run.at(time_s);
-    before.stop_reason == StopReason::None.code() && before.fallback_count == 0
+    before.stop_reason == StopReason::NONE && before.fallback_count == 0
 }
 
 /// Whether the daemon had stopped nothing when the motion ended.
 fn went_on(run: &Run) -> bool {
-    run.last().stop_reason == StopReason::None.code()
+    run.last().stop_reason == StopReason::NONE
 }
 
 /// Does something once, at this time of the scenario.
@@ -153,7 +155,8 @@ fn a_controller_that_is_stopped_in_contact_is_a_latched_stop() {
 
 #[test]
 fn a_daemon_that_is_stopped_goes_on_where_the_arm_is() {
-    // Commands are valid for 84 ms here: the plan bridges the first time, and the plant holds the arm the second.
+    // Commands are valid for 84 ms here: the plan bridges the first time, and the plant holds the
+    // arm the second.
     for (stopped, holds) in [(40, false), (400, true)] {
         let one = || {
             let mut now = once(1.4);
@@ -258,7 +261,7 @@ fn a_sample_later_than_allowed_stops_with_its_reason() {
     assert_eq!(run.last().motion, Motion::Hold.code());
 }
 
-/// Steps CLOCK_REALTIME while it lives.
+/// Steps CLOCK_REALTIME back and forth while it lives.
 struct SteppedClock {
     before: i128,
     since: Instant,
@@ -313,7 +316,7 @@ fn steps_of_the_wall_clock_do_not_matter() {
                     return;
                 };
                 match SteppedClock::by_seconds(step) {
-                    // Long enough for many cycles, short enough for whatever else lives on this machine.
+                    // Long enough for many cycles, short enough for other programs on this machine.
                     Some(_stepped) => std::thread::sleep(Duration::from_millis(60)),
                     None => is_set.set(false),
                 }

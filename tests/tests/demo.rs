@@ -1,4 +1,5 @@
-//! The demo as a person interrupts it: no process and no file of it is left. (CI runs the whole of it.)
+//! The demo, interrupted by a person: it leaves no process and no file behind. (CI runs the whole
+//! of it.)
 
 use std::process::Command;
 

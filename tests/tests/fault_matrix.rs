@@ -1,6 +1,8 @@
-//! The fault matrix: one test per row and situation, named after both; and the page that is written from the same table.
+//! The fault matrix: one test per row and situation, named after both; and the page that is written
+//! from the same table.
 //!
-//! `cargo test --test fault_matrix nan_` runs some; `ADMITTANCE_WRITE_DOCS=1` writes `docs/faults.md`.
+//! `cargo test --test fault_matrix nan_` runs some; `ADMITTANCE_WRITE_DOCS=1` writes
+//! `docs/faults.md`.
 
 use std::path::Path;
 use std::process::ExitCode;

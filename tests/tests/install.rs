@@ -1,10 +1,11 @@
-//! `deploy/install.sh`: everything comes, the units are sound, and everything goes; and README's commands do what it says.
+//! `deploy/install.sh`: everything comes, the units are sound, and everything goes; and the
+//! commands of docs/operating.md do what it says.
 
 use std::collections::BTreeSet;
 
 use end_to_end::{Need, Systemd, needs};
 
-const README: &str = include_str!("../../README.md");
+const OPERATING: &str = include_str!("../../docs/operating.md");
 /// What a test run has done already.
 const BUILD: &str = "cargo build --release --workspace --bins";
 
@@ -15,16 +16,16 @@ fn system(systemd: &Systemd, root: &str) -> (BTreeSet<String>, String) {
     (systemd.run(&paths).lines().map(str::to_owned).collect(), systemd.run(&users))
 }
 
-/// The commands of a section of README, without "sudo", which is for people.
+/// The commands of a section of docs/operating.md, without "sudo", which is for people.
 fn commands(section: &str) -> Vec<String> {
-    let text = README.split("\n## ").find_map(|text| text.strip_prefix(section)).expect("README has the section");
+    let text = OPERATING.split("\n## ").find_map(|text| text.strip_prefix(section)).expect("the page has the section");
     let fenced = text.split("```sh\n").skip(1).filter_map(|text| text.split("```").next());
     let lines = fenced.flat_map(str::lines).filter(|line| !line.is_empty());
     lines.map(|line| line.strip_prefix("sudo ").unwrap_or(line).to_owned()).collect()
 }
 
 #[test]
-fn the_readme_s_commands_install_run_and_remove() {
+fn the_commands_of_the_page_install_run_and_remove() {
     if !needs(Need::Systemd) {
         return;
     }

@@ -1,5 +1,5 @@
-//! From sample received to command sent: no heap, no page fault, and of system calls only what waiting and the one
-//! notification need.
+//! From sample received to command sent: no heap, no page fault, and only the system calls that
+//! waiting and the one notification need.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use admittance_host::clock::monotonic_ns;
 use admittance_host::exit::ExitCode;
-use admittanced::config::SolverName;
+use admittance_runner::cycle;
 use admittanced::probe::{ObservedThread, Probe};
 use end_to_end::closed_loop::{Experiment, MPC_DEFAULT};
 use end_to_end::session::{PAPER_SCENARIO, PATIENT, TRIES, run_plant, start_daemon, wait_for_log, with_keys, write};
@@ -21,7 +21,7 @@ use ipc_types::{CommandSample, Mode, Motion, TruthSample};
 use plant_sim::plant::CycleTiming;
 use plant_sim::run::any_plant;
 
-/// Counts what each thread asks of the heap.
+/// Counts each thread's calls to the heap.
 struct Counting;
 
 thread_local! {
@@ -34,7 +34,8 @@ fn count(counter: &'static std::thread::LocalKey<Cell<u64>>) {
     let _ = counter.try_with(|count| count.set(count.get() + 1));
 }
 
-// SAFETY: every call goes to the system's allocator unchanged; counting touches const thread-locals without destructors only.
+// SAFETY: every call goes to the system's allocator unchanged; counting touches const thread-locals
+// without destructors only.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(&ALLOCATIONS);
@@ -64,7 +65,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static HEAP: Counting = Counting;
 
-/// What the fence saw of the cycles in contact.
+/// The fence's counts over the cycles in contact.
 #[derive(Debug, Default)]
 struct Seen {
     cycles: AtomicU64,
@@ -84,11 +85,16 @@ struct Fence {
     seen: &'static Seen,
     allocations: u64,
     frees: u64,
+    /// Something in the cycle allocates.
+    is_spoilt: bool,
 }
 
 impl Probe for Fence {
     fn looking(&mut self) {
         (self.allocations, self.frees) = (ALLOCATIONS.get(), FREES.get());
+        if self.is_spoilt {
+            drop(std::hint::black_box(Box::new(0_u64)));
+        }
     }
 
     fn sent(&mut self, command: &CommandSample, _: u64) {
@@ -106,14 +112,15 @@ impl Probe for Fence {
     }
 }
 
-/// Answers are never late and samples never stale: the plant's time passes as fast as both can compute.
+/// Answers are never late and samples never stale: the plant's time passes as fast as both can
+/// compute.
 const NO_DEADLINE_S: f64 = 600.0;
 /// How far in the past the plant's time begins: it never catches up with the clock's.
 const HEAD_START_NS: u64 = 120_000_000_000;
 
-/// The real-time thread against the plant, over real ports, for this many cycles in contact; every `change` cycles a reader of
-/// commands joins, or leaves.
-fn fenced(solver: SolverName, contact_cycles: u64, change: u64) -> &'static Seen {
+/// The real-time thread against the plant, over real ports, for this many cycles in contact; every
+/// `change` cycles a reader of commands joins, or leaves.
+fn fenced(is_spoilt: bool, contact_cycles: u64, change: u64) -> &'static Seen {
     let ipc = PrivateIpc::new("planar");
     // It presses and slides, up and down: rows of the optimisation come and go.
     let phases: Vec<(f64, &[f64])> =
@@ -121,14 +128,14 @@ fn fenced(solver: SolverName, contact_cycles: u64, change: u64) -> &'static Seen
     let mut experiment = Experiment::new(MPC_DEFAULT, PAPER_SCENARIO, 0.001).with_motion(&phases);
     experiment.config.control.answer_budget_s = NO_DEADLINE_S;
     experiment.config.control.max_sample_age_s = NO_DEADLINE_S;
-    experiment.config.mpc.solver = solver;
     let realtime = &mut experiment.config.realtime;
-    // Not the test's matter, and not its right everywhere.
+    // Irrelevant for this test, and not permitted everywhere.
     (realtime.lock_memory, realtime.priority, realtime.cpu) = (false, 0, None);
-    // The thread outlives no test; what it tells may outlive it.
+    // The thread never outlives its test; its messages may.
     let seen: &'static Seen = Box::leak(Box::default());
-    let fence = Fence { seen, allocations: 0, frees: 0 };
-    let mut thread = ObservedThread::start(&experiment.config, ipc.settings(), fence).expect("its ports open");
+    let fence = Fence { seen, allocations: 0, frees: 0, is_spoilt };
+    let cycle = cycle::build(&experiment.config).expect("the config describes a controller");
+    let mut thread = ObservedThread::start(&experiment.config, cycle, ipc.settings(), fence).expect("its ports open");
 
     let node = ipc.settings().node("plant").expect("a node");
     let instance = &ipc.settings().instance;
@@ -178,7 +185,7 @@ fn fenced(solver: SolverName, contact_cycles: u64, change: u64) -> &'static Seen
 
 #[test]
 fn ten_thousand_contact_cycles_leave_the_heap_alone() {
-    let seen = fenced(SolverName::ActiveSet, 10_000, 1_500);
+    let seen = fenced(false, 10_000, 1_500);
     let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
     assert!(of(&seen.cycles) >= 10_000);
     assert_eq!((of(&seen.dirty), of(&seen.allocations)), (0, 0), "{seen:?}");
@@ -192,12 +199,12 @@ fn ten_thousand_contact_cycles_leave_the_heap_alone() {
 }
 
 #[test]
-fn the_fence_sees_a_solver_that_allocates() {
-    let seen = fenced(SolverName::Clarabel, 100, u64::MAX);
+fn the_fence_sees_a_cycle_that_allocates() {
+    let seen = fenced(true, 100, u64::MAX);
     assert!(seen.dirty.load(Ordering::Relaxed) >= 100, "{seen:?}");
 }
 
-/// A scenario that stays in contact for two seconds and more, at 10 ms a cycle: time enough for what looks on.
+/// A scenario that stays in contact for two seconds and more: time enough for observers.
 fn long_contact() -> String {
     let changes = [
         ("timing.sampling_time_s", "0.01"),
@@ -275,14 +282,14 @@ fn contact_takes_no_page_fault() {
     println!("SKIPPED: machine too busy: the daemon stopped for want of time in {TRIES} runs");
 }
 
-/// System calls of the real-time thread over a while in contact, by name, and the cycles in that while; `None` when a busy machine
-/// spoilt it.
+/// System calls of the real-time thread over a while in contact, by name, and the cycles in that
+/// while; `None` when a busy machine spoilt it.
 fn system_calls(wait: &str) -> Option<(BTreeMap<String, usize>, usize)> {
     let ipc = PrivateIpc::new("planar");
     let daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &patient(wait)));
     let task = realtime_task(&daemon);
     let thread = task.file_name().and_then(|name| name.to_str()).expect("a number").to_owned();
-    // Somebody waits for commands: only then is there anything to notify.
+    // A listener waits for commands: only then is there anything to notify.
     let node = ipc.settings().node("listener").expect("a node");
     let arrival = services::command_arrival(&node, &ipc.settings().instance, Access::Open).expect("the daemon made it");
     let listener = arrival.listener().expect("a listener");
@@ -321,8 +328,8 @@ fn the_real_time_thread_only_waits_and_notifies() {
     if !needs(Need::Strace) || !needs(Need::Root) {
         return;
     }
-    // Most of each that a cycle needs: to block, to take the notification and see that it was the last, to notify. `hybrid`
-    // comes to blocking only when a sample is late.
+    // Largest number of each that a cycle needs: to block, to take the notification and see that it
+    // was the last, to notify. `hybrid` comes to blocking only when a sample is late.
     let event = &[("ppoll", 1), ("recvfrom", 2), ("sendto", 1)][..];
     for (wait, accepted) in [("event", event), ("hybrid", &[event, &[("clock_nanosleep", 1)]].concat())] {
         let Some((calls, cycles)) = (0..TRIES).find_map(|_| system_calls(wait)) else {

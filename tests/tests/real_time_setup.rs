@@ -1,4 +1,5 @@
-//! What of real time the daemon gets: reported at its start, and looked at beforehand by `admittancectl doctor`.
+//! Which real-time rights the daemon gets: reported at its start, and looked at beforehand by
+//! `admittancectl doctor`.
 
 use std::process::{Command, Output};
 
@@ -94,9 +95,9 @@ fn the_doctor_says_what_is_found_and_what_to_change() {
 
 #[test]
 fn the_jitter_benchmark_ends_with_figures_or_says_why_not() {
-    let ctl = &binaries().admittancectl;
+    let lab = &binaries().admittance_lab;
     let arguments = ["bench", "jitter", "--rate-hz", "250", "--seconds", "1", "--json"];
-    let (code, text, error) = output(Command::new(ctl).args(arguments));
+    let (code, text, error) = output(Command::new(lab).args(arguments));
     if code == Some(75) {
         println!("SKIPPED: {error}");
         return;

@@ -1,5 +1,7 @@
 //! The daemon as a service: who may start, what it says, signals, requests.
 
+use std::io::Write;
+use std::path::Path;
 use std::process::Command;
 
 use end_to_end::session::{
@@ -7,6 +9,32 @@ use end_to_end::session::{
     start_daemon, wait_for_log, with_keys, write,
 };
 use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, needs, python};
+
+/// Starts a program whose file is a pipe, and asks it to end when it opens that: before it can have
+/// set up anything that it does not set up first.
+fn asked_to_end_at_start(ipc: &PrivateIpc, text: &str, command: impl Fn(&PrivateIpc, &Path) -> Command) -> Child {
+    let pipe = ipc.directory().join("file.toml");
+    let made = Command::new("mkfifo").arg(&pipe).status().expect("mkfifo is there");
+    assert!(made.success(), "{made}");
+    let mut child = Child::spawn(&mut command(ipc, &pipe));
+    // Blocks until the program opens the other end.
+    let mut end = std::fs::OpenOptions::new().write(true).open(&pipe).expect("the program reads its file");
+    child.terminate();
+    end.write_all(text.as_bytes()).expect("the program still reads");
+    drop(end);
+    child
+}
+
+#[test]
+fn a_signal_that_comes_before_the_file_is_read_ends_them_in_order() {
+    let ipc = PrivateIpc::new("planar");
+    let mut daemon = asked_to_end_at_start(&ipc, MPC_PAPER, daemon_command);
+    assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
+    assert!(daemon.stderr().contains("INFO ended"), "{}", daemon.report());
+    let ipc = PrivateIpc::new("planar");
+    let mut plant = asked_to_end_at_start(&ipc, PAPER_SCENARIO, plant_command);
+    assert_eq!(plant.wait_for_exit(PATIENCE).code(), Some(0), "{}", plant.report());
+}
 
 #[test]
 fn a_second_daemon_is_told_who_holds_the_instance() {
@@ -81,7 +109,8 @@ fn a_stop_is_reported_and_reset_once_nothing_pushes_in() {
     let (code, text) = output(&mut ctl_command(&ipc, "reset", &config));
     assert_eq!((code, text.contains("not Stopped")), (Some(1), true), "{text}");
 
-    // An infeasible contact: a stop. Then the motion leads out of the surface; the daemon lets it, slowly.
+    // An infeasible contact: a stop. Then the motion leads out of the surface; the daemon lets it,
+    // slowly.
     let motion = "[{ duration_s = 0.8, twist = [0.0, -0.25] }, { duration_s = 1.5, twist = [0.0, 0.2] }]";
     let changes = [("motion", motion), ("start.contact_time_s", "0.4"), ("timing.command_delay_s", "0.001")];
     let scenario = write(&ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &changes));

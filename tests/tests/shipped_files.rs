@@ -1,9 +1,11 @@
-//! Every shipped file is valid, and every key of every kind of file gets its own clear error when it is wrong.
+//! Every shipped file is valid, and every key of every kind of file gets its own clear error when
+//! it is wrong.
 
 use std::path::{Path, PathBuf};
 
 use admittance_host::config::{load, mutation::check_every_key};
-use admittanced::config::Config;
+use admittance_runner::config::Config;
+use admittance_runner::cycle;
 use end_to_end::closed_loop::Experiment;
 use end_to_end::session::{MPC_PAPER, PAPER_SCENARIO};
 use plant_sim::scenario::Scenario;
@@ -21,7 +23,7 @@ fn toml_files(directory: &str) -> Vec<PathBuf> {
 fn shipped_configs_and_scenarios_are_valid_and_describe_something_that_starts() {
     for path in [toml_files("deploy/robots"), toml_files("deploy/demo")].concat() {
         let config: Config = load(&path).unwrap_or_else(|error| panic!("{error}"));
-        admittanced::cycle::build(&config).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        cycle::build(&config).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         config.ipc.settings(None, None, None).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     }
     for path in toml_files("plant-sim/scenarios") {

@@ -1,5 +1,5 @@
-//! A six-joint arm under the default profile at 1 kHz: presses on a level floor while it slides, with one, three and six
-//! admittance axes; in virtual time, and once with both real processes.
+//! A six-joint arm under the default profile at 1 kHz: presses on a level floor while it slides,
+//! with one, three and six admittance axes; in virtual time, and once with both real processes.
 
 use end_to_end::closed_loop::{Experiment, Run};
 use end_to_end::session::{TRIES, daemon_command, run_plant, with_keys, write};
@@ -19,7 +19,8 @@ fn experiment(axes: [bool; 6], delay: f64) -> Experiment {
     experiment
 }
 
-/// Angle in rad by which the TCP is turned from how it stood at the start of the motion: largest and last.
+/// Angle in rad by which the TCP is turned from how it stood at the start of the motion: largest
+/// and last.
 fn orientation_error(run: &Run) -> (f64, f64) {
     let rotation = |vector: &[f64; 3]| nalgebra::Rotation3::new(nalgebra::Vector3::from(*vector));
     let start = rotation(&run.instants[0].truth.tcp_rotation);

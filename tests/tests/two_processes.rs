@@ -9,7 +9,8 @@ use ipc_types::{Motion, TruthSample};
 use plant_sim::scenario::Scenario;
 use plant_sim::summary::Summary;
 
-/// Tests are not built for release: the command acts after a millisecond instead of the demo's quarter.
+/// Tests are not built for release: the command acts after a millisecond instead of the demo's
+/// quarter.
 const DELAY: (&str, &str) = ("timing.command_delay_s", "0.001");
 
 fn scenario(changes: &[(&str, &str)]) -> String {
@@ -27,8 +28,8 @@ fn was_disturbed(log: &str, expected: &str) -> bool {
     !log.contains(expected) && by_machine.iter().any(|reason| log.contains(reason))
 }
 
-/// Runs the paper's experiment until the daemon has stopped for whatever reason, again where a busy machine was the reason;
-/// `None` on a machine that always is.
+/// Runs the paper's experiment until the daemon has stopped, again if a busy machine was the
+/// reason; `None` if it always was.
 fn run_until_stopped(
     daemon_config: &str,
     scenario: &str,
@@ -47,7 +48,8 @@ fn run_until_stopped(
     None
 }
 
-/// Truth of a run in which no command was missed from shortly before contact on; `None` on a machine too busy for one.
+/// Truth of a run in which no command was missed from shortly before contact on; `None` on a
+/// machine too busy for one.
 fn quiet_run(daemon_config: &str, scenario: &str) -> Option<(Vec<TruthSample>, Summary, Child, PrivateIpc)> {
     let parsed: Scenario = admittance_host::config::parse(scenario, "scenario.toml").expect("valid");
     for _ in 0..TRIES {
@@ -76,8 +78,8 @@ fn the_papers_experiment_keeps_the_limit_and_the_contact() {
     assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
 }
 
-/// Starts the experiment and sends `signal` to the daemon at this time of the scenario; `None` on a machine that stops the
-/// daemon before.
+/// Starts the experiment and sends `signal` to the daemon at this time of the scenario; `None` on a
+/// machine that stops the daemon before.
 fn stopped_at(time_s: f64, signal: i32, expected: &str) -> Option<(Vec<TruthSample>, String)> {
     for _ in 0..TRIES {
         let ipc = PrivateIpc::new("planar");
@@ -116,7 +118,7 @@ fn sigterm_in_contact_ends_held_at_a_low_force() {
 
 #[test]
 fn sigint_in_free_motion_ends_at_once_and_the_controller_stops_by_itself() {
-    // Whatever the log says of a stop before the end, this one fails on.
+    // Any stop in the log before the end fails the test.
     let Some((truths, log)) = stopped_at(0.3, libc::SIGINT, "no stop") else { return };
     assert!(log.contains("SIGINT") && !log.contains("Stopped"), "{log}");
     assert_eq!(truths.last().expect("a run").motion, Motion::Hold.code(), "no valid command: the plant holds");

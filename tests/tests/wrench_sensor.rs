@@ -1,10 +1,10 @@
-//! The wrench as it really comes: a heavy tool on a biased sensor that sits elsewhere, in axes of its own, reports the reaction
-//! and has an end.
+//! The wrench as it really comes: a heavy tool on a biased sensor that sits elsewhere, in axes of
+//! its own, reports the reaction and has an end.
 
 use std::path::PathBuf;
 
 use admittance_host::config::parse;
-use admittanced::config::Config;
+use admittance_runner::config::Config;
 use end_to_end::closed_loop::{Experiment, MPC_DEFAULT};
 use end_to_end::session::{
     PAPER_SCENARIO, PATIENT, TRIES, ctl_command, output, plant_command, run_plant, start_daemon, wait_for_log,
@@ -23,7 +23,8 @@ const COMPENSATION: &str = "{ given_in = \"sensor\", sensor_origin_m = [-0.1, 0.
                             sign = \"reaction\", bias = [6.0, -9.0, 4.0, 0.5, -0.3, 0.2], tool_mass_kg = 2.0, \
                             tool_center_of_gravity_m = [-0.05, 0.01, 0.0], gravity_m_s2 = [0.0, -9.81, 0.0] }";
 
-/// The default profile on a surface that forgives answers that are late now and then, as they are on a busy machine.
+/// The default profile on a surface that forgives answers that are late now and then, as they are
+/// on a busy machine.
 fn configuration(changes: &[(&str, &str)]) -> String {
     let soft = [("control.command_delay_s", "0.003"), ("environment.normal_stiffness_n_m", "2e4")];
     with_keys(MPC_DEFAULT, &[&PATIENT[..], &soft, changes].concat())
@@ -96,16 +97,18 @@ fn at_the_end_of_its_range_it_is_bad_data() {
     let clipped = ending(SENSOR, "range");
     let told = ending(COMPENSATION, "saturation");
     let run = virtual_contact(&[("sensor", &clipped)], &[("wrench", &told)]);
-    let first = run.instants.iter().find(|at| at.report.fault_code() == Fault::WrenchSaturated).expect("it ends");
+    let first = run.instants.iter().find(|at| at.report.fault.is_some()).expect("it ends");
+    assert_eq!(first.report.fault.map(|fault| fault.name()), Some(Fault::WrenchSaturated));
     assert_eq!(first.report.wrench, [0.0; 6], "the law saw nothing");
     assert_eq!(first.command.source, Source::Plan.code(), "the last plan goes on");
     assert!(run.peak_normal() < 200.0, "{} N", run.peak_normal());
     // Not told where the range ends, the daemon takes the clipped force for the force.
     let blind = virtual_contact(&[("sensor", &clipped)], &compensation);
-    assert!(blind.instants.iter().all(|at| at.report.fault_code() == Fault::None));
+    assert!(blind.instants.iter().all(|at| at.report.fault.is_none()));
 }
 
-/// The plant's true normal force at its peak and settled, of a contact of real processes; what the daemon says at the end.
+/// The plant's true normal force at its peak and settled, of a contact of real processes; what the
+/// daemon says at the end.
 fn real_contact(sensor: &[(&str, &str)], compensation: &[(&str, &str)]) -> ([f64; 2], serde_json::Value) {
     let ipc = PrivateIpc::new("planar");
     let config = write(&ipc, "daemon.toml", &configuration(compensation));

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::clock::monotonic_ns;
 use ipc_types::services::{self, Access};
 use ipc_types::{
@@ -13,9 +14,6 @@ use crate::Exit;
 
 /// How long to wait for a sample of a daemon that sends several a second.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Names of the task axes.
-pub(crate) const AXES: [&str; TASK_AXES] = ["x", "y", "z", "rx", "ry", "rz"];
-
 /// A subscriber of the daemon's diagnostics.
 pub(crate) fn subscribe(node: &Node, settings: &IpcSettings) -> Result<Subscriber<DiagnosticsSample>, (Exit, String)> {
     let unavailable = |why: String| (Exit::Unavailable, why);
@@ -50,7 +48,7 @@ pub(crate) fn first(
     ))
 }
 
-/// Name, quantiles since the start and quantiles of the last second, in ns, of each latency.
+/// Of each latency its name, and its quantiles since the start and in the last second, in ns.
 pub(crate) fn latencies(sample: &DiagnosticsSample) -> [(&'static str, [u64; QUANTILES], [u64; QUANTILES]); 3] {
     [
         ("wake-up", sample.wake_up_ns, sample.wake_up_last_second_ns),
@@ -66,17 +64,16 @@ pub(crate) fn axes_text(values: &[f64; TASK_AXES]) -> String {
 
 /// "Stopped (Infeasible)".
 pub(crate) fn mode_text(sample: &DiagnosticsSample) -> String {
-    let mode = Mode::from_code(sample.mode).map_or("unknown mode", Mode::name);
-    match StopReason::from_code(sample.stop_reason) {
-        Some(StopReason::None) => mode.to_owned(),
-        Some(reason) => format!("{mode} ({reason})"),
-        None => format!("{mode} (unknown reason)"),
+    let mode = Mode::name_of(sample.mode);
+    match sample.stop_reason {
+        StopReason::NONE => mode.to_owned(),
+        code => format!("{mode} ({})", StopReason::name_of(code)),
     }
 }
 
 /// "feasible, 83.2 N to spare on y".
 pub(crate) fn verdict_text(sample: &DiagnosticsSample) -> String {
-    let axis = AXES.get(sample.verdict_axis as usize).unwrap_or(&"?");
+    let axis = AXIS_NAMES.get(sample.verdict_axis as usize).unwrap_or(&"?");
     match Verdict::from_code(sample.verdict) {
         Some(Verdict::Feasible) => format!("feasible, {:.1} N to spare on {axis}", sample.verdict_margin),
         Some(Verdict::Infeasible) => {
@@ -94,12 +91,12 @@ pub(crate) fn verdict_text(sample: &DiagnosticsSample) -> String {
 pub(crate) fn json_of(sample: &DiagnosticsSample) -> serde_json::Value {
     let quantiles = |[p50, p99, p999, max]: [u64; QUANTILES]| json!({ "p50_ns": p50, "p99_ns": p99, "p999_ns": p999, "max_ns": max });
     let mut json = json!({
-        "mode": Mode::from_code(sample.mode).map(Mode::name),
-        "motion": Motion::from_code(sample.motion).map(Motion::name),
-        "stop_reason": StopReason::from_code(sample.stop_reason).map(StopReason::name),
-        "verdict": Verdict::from_code(sample.verdict).map(Verdict::name),
-        "verdict_axis": AXES.get(sample.verdict_axis as usize),
-        "verdict_side": Side::from_code(sample.verdict_side).map(Side::name),
+        "mode": Mode::name_of(sample.mode),
+        "motion": Motion::name_of(sample.motion),
+        "stop_reason": StopReason::name_of(sample.stop_reason),
+        "verdict": Verdict::name_of(sample.verdict),
+        "verdict_axis": AXIS_NAMES.get(sample.verdict_axis as usize),
+        "verdict_side": Side::name_of(sample.verdict_side),
         "verdict_margin_n": sample.verdict_margin,
         "verdict_time_s": sample.verdict_time_s,
         "wrench_n": sample.wrench,

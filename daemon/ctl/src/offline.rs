@@ -1,4 +1,4 @@
-//! What computations that take minutes have in common: their options, and the figure that they may draw at the end.
+//! Common parts of computations that take minutes: their options, and the figure at the end.
 
 use std::path::PathBuf;
 
@@ -6,8 +6,9 @@ use serde::Serialize;
 
 use crate::{Exit, parallel};
 
+/// The options.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Options {
+pub struct Options {
     /// Threads; one for each processor when absent.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -20,26 +21,32 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    pub(crate) fn threads(&self) -> usize {
+    /// How many threads to use.
+    pub fn threads(&self) -> usize {
         self.threads.map_or_else(parallel::processors, usize::from)
     }
 
-    pub(crate) fn wants_figure(&self) -> bool {
+    /// Whether a figure is asked for.
+    pub fn wants_figure(&self) -> bool {
         self.figure.is_some()
     }
 
-    /// Makes the figure's file: a typing error shows at once, not after minutes.
-    pub(crate) fn begin_figure(&self) -> Result<(), (Exit, String)> {
+    /// Creates the figure's file: a typing error shows at once, not after minutes.
+    pub fn begin_figure(&self) -> Result<(), (Exit, String)> {
         self.write_figure("")
     }
 
-    pub(crate) fn write_figure(&self, svg: &str) -> Result<(), (Exit, String)> {
+    /// Writes the figure, if one is asked for.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn write_figure(&self, svg: &str) -> Result<(), (Exit, String)> {
         let Some(path) = &self.figure else { return Ok(()) };
         std::fs::write(path, svg).map_err(|error| (Exit::Unavailable, format!("{}: {error}", path.display())))
     }
 
     /// Prints the result as JSON or, unless that is asked for, as `table` shows it.
-    pub(crate) fn print(&self, result: &impl Serialize, table: impl FnOnce() -> String) -> Result<(), (Exit, String)> {
+    pub fn print(&self, result: &impl Serialize, table: impl FnOnce() -> String) -> Result<(), (Exit, String)> {
         if self.json {
             let json = serde_json::to_string_pretty(result).map_err(|error| (Exit::Internal, error.to_string()))?;
             println!("{json}");

@@ -7,15 +7,16 @@ use std::thread;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Threads that this process can run at a time.
-pub(crate) fn processors() -> usize {
+pub fn processors() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// `work` for 0 to `count` − 1, begun and returned in this order; `what` are the pieces that the progress bar counts.
+/// `work` for 0 to `count` − 1, begun and returned in this order; `what` are the pieces that the
+/// progress bar counts.
 ///
 /// # Errors
 /// The first error that any piece returns; the others are then given up.
-pub(crate) fn map<T: Send>(
+pub fn map<T: Send>(
     count: u64,
     threads: usize,
     what: &str,
@@ -33,7 +34,7 @@ pub(crate) fn map<T: Send>(
             scope.spawn(move || {
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
-                    // Nobody listens any more after an error.
+                    // After an error the receiver is gone.
                     if index >= count || sender.send(work(index).map(|found| (index, found))).is_err() {
                         return;
                     }

@@ -1,5 +1,5 @@
-//! `admittancectl record`: the daemon's records into a file. It only listens: neither a slow disk nor a full one reaches the
-//! daemon.
+//! `admittancectl record`: the daemon's records into a file. It only listens: neither a slow disk
+//! nor a full one reaches the daemon.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -16,11 +16,12 @@ use crate::Exit;
 use crate::recording::RecordingWriter;
 use crate::target::Target;
 
-/// Between two looks: far below what the service's buffer holds.
+/// Time between two reads: far below what the service's buffer holds.
 const POLL: Duration = Duration::from_millis(5);
-/// Between two chunks at most: what a kill may lose.
+/// Longest time between two chunks: what a kill may lose.
 const CHUNK: Duration = Duration::from_millis(500);
-/// Without a record for so long the daemon is gone: it makes one per cycle, and at least one a second without samples.
+/// Without a record for so long the daemon is gone: it makes one per cycle, and at least one a
+/// second without samples.
 const SILENT: Duration = Duration::from_secs(3);
 /// Between two looks for a plant.
 const TRUTH_LOOK: Duration = Duration::from_millis(100);
@@ -32,7 +33,8 @@ const TRUTH_LOOK: Duration = Duration::from_millis(100);
     daemon, 73 FILE cannot be created, 74 writing failed.\n\nExamples:\n  admittancectl record contact.mcap --instance cell-3\n  \
     admittancectl record contact.mcap --config cell.toml --seconds 30"
 )]
-pub(crate) struct Args {
+/// The recorder's arguments.
+pub struct Args {
     /// The recording; it must not exist yet.
     file: PathBuf,
     #[command(flatten)]
@@ -182,7 +184,7 @@ struct Tally {
 }
 
 impl Tally {
-    /// Takes note of a record; what a person should know about it.
+    /// Counts a record; returns what a person should know about it.
     fn add(&mut self, record: &RecordSample) -> Option<String> {
         self.records += 1;
         let (boot_id, sequence) = (record.boot_id, record.sequence);

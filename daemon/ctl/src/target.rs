@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use admittance_host::config::{self, LoadError};
-use admittanced::config::Config;
+use admittance_runner::config::Config;
 use ipc_types::{IpcSettings, Node};
 
 use crate::Exit;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use admittance_host::config::{self, LoadError, Section, keys_markdown};
-use admittanced::config::Config;
+use admittance_runner::config::Config;
 use plant_sim::scenario::Scenario;
 
 use crate::Exit;
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
 ///
 /// # Errors
 /// The code that `validate` ends with, and what it says.
-pub(crate) fn load(file: &Path) -> Result<Config, (Exit, String)> {
+pub fn load(file: &Path) -> Result<Config, (Exit, String)> {
     let config: Config = config::load(file).map_err(|error| (code(&error), error.to_string()))?;
     check(&config).map_err(|why| (Exit::Config, format!("{}: {why}", file.display())))?;
     Ok(config)
@@ -71,5 +71,5 @@ fn code(error: &LoadError) -> Exit {
 /// What the daemon would check beyond the keys, when it starts.
 fn check(config: &Config) -> Result<(), String> {
     config.ipc.settings(None, None, None)?;
-    admittanced::cycle::build(config).map(|_| ())
+    admittance_runner::cycle::build(config).map(|_| ())
 }

@@ -1,18 +1,18 @@
-//! Requests that change a value in force: tare, force limit, environment, law. Each within bounds of `[requests]`; the new
-//! controller is built and checked here, and handed over as a whole.
+//! Requests that change a value in force: tare, force limit, environment, law. Each within bounds
+//! of `[requests]`; the new controller is built and checked here, and handed over as a whole.
 
-use admittance_core::mode::Mode;
 use admittance_host::config::Section as _;
-use ipc_types::{Law, Mode as WireMode, REQUEST_VALUES, RequestSample, TASK_AXES};
+use ipc_types::{Law, Mode, REQUEST_VALUES, RequestSample, TASK_AXES};
 use nalgebra::Vector3;
 
 use super::{Answered, Refusal};
-use crate::channel::{Answer, Order, OrderError, Replacement};
-use crate::config::{Config, ContactPointName, LawName};
-use crate::cycle;
+use crate::channel::{Order, OrderError, Outcome, Replacement};
 use crate::service_thread::ServiceThread;
-use crate::settings::{AXES, Settings, point, unit};
 use crate::tare;
+use admittance_core::quantities::{AXIS_NAMES, wrench_unit};
+use admittance_runner::config::{Config, ContactPointName, LawName};
+use admittance_runner::cycle;
+use admittance_runner::settings::{Settings, point};
 
 /// Where values of an environment are in a request.
 const STIFFNESS: usize = 0;
@@ -29,15 +29,15 @@ impl ServiceThread {
         let mut any = false;
         for (axis, value) in given(request) {
             let (Some(min), Some(max)) = (min.get(axis), max.get(axis)) else {
-                let axes = AXES[..min.len()].join(" ");
-                let name = AXES.get(axis).unwrap_or(&"the last");
-                return Err(Refusal::Refused(format!("axis {name} is none of this arm's; accepted: {axes}")));
+                let axes = AXIS_NAMES[..min.len()].join(" ");
+                let name = AXIS_NAMES.get(axis).unwrap_or(&"the last");
+                return Err(Refusal::Refused(format!("this arm has no axis {name}; accepted: {axes}")));
             };
             if !(*min..=*max).contains(&value) {
-                let unit = unit(axis);
+                let unit = wrench_unit(axis);
                 return Err(Refusal::Refused(format!(
                     "force limit {} = {value} {unit}; accepted: {min} to {max} {unit} (requests.force_limit_min, _max)",
-                    AXES[axis]
+                    AXIS_NAMES[axis]
                 )));
             }
             settings.force_limit[axis] = value;
@@ -56,7 +56,7 @@ impl ServiceThread {
         let stiffness = given(request).find(|(index, _)| *index == STIFFNESS);
         if normal.is_none() && contact_point.is_none() && stiffness.is_none() {
             let accepted = "accepted: a stiffness, a surface normal, a contact point, or several of them";
-            return Err(Refusal::Refused(format!("nothing is given; {accepted}")));
+            return Err(Refusal::Refused(format!("no value is given; {accepted}")));
         }
         if let Some((_, value)) = stiffness {
             let (Some(min), Some(max)) = (requests.normal_stiffness_min_n_m, requests.normal_stiffness_max_n_m) else {
@@ -121,15 +121,10 @@ impl ServiceThread {
         if !self.config.requests.law {
             return not_allowed("requests.law = true");
         }
-        let law = match Law::from_code(request.law) {
-            Some(Law::Mpc) => LawName::Mpc,
-            Some(Law::Damping) => LawName::Damping,
-            None => {
-                return Err(Refusal::Refused(format!(
-                    "law {} is not known; accepted: 1 (Mpc), 2 (Damping)",
-                    request.law
-                )));
-            }
+        let Some(law) = Law::from_code(request.law).map(LawName::of) else {
+            let known: Vec<String> = Law::ALL.iter().map(|law| format!("{} ({law})", law.code())).collect();
+            let text = format!("law {} is not known; accepted: {}", request.law, known.join(", "));
+            return Err(Refusal::Refused(text));
         };
         let settings = Settings { law, ..Settings::of(&self.config) };
         self.change(&settings, Replacement::Behaviour, until)
@@ -139,17 +134,17 @@ impl ServiceThread {
         let Some(largest) = self.config.requests.tare_bias_max else {
             return not_allowed("requests.tare_bias_max");
         };
-        let is_free = self.last.as_ref().is_some_and(|last| last.sample.command.mode == WireMode::Free.code());
+        let is_free = self.last.as_ref().is_some_and(|last| last.sample.command.mode == Mode::Free.code());
         if let Some(why) = Replacement::Bias.refused_in(Mode::Idle).filter(|_| !is_free) {
             return Err(Refusal::Refused(why.to_owned()));
         }
         let bias = self.free.bias(&self.config)?;
         if let Some(index) = (0..TASK_AXES).find(|index| bias[*index].abs() > largest[*index]) {
-            let unit = unit(index);
+            let unit = wrench_unit(index);
             return Err(Refusal::Refused(format!(
                 "the bias on {} would be {:.3} {unit}; accepted: at most {} {unit} (requests.tare_bias_max): is the tool free, and \
                  its weight configured?",
-                AXES[index], bias[index], largest[index]
+                AXIS_NAMES[index], bias[index], largest[index]
             )));
         }
         let settings = Settings { bias, ..Settings::of(&self.config) };
@@ -157,7 +152,7 @@ impl ServiceThread {
         Ok(format!("{changes}; the mean of {} samples", tare::SAMPLES))
     }
 
-    /// Hands over a controller with other settings. What changed.
+    /// Hands over a controller with other settings. Returns what changed.
     fn change(&mut self, settings: &Settings, kind: Replacement, until: u64) -> Answered {
         let changes = Settings::of(&self.config).changes(settings);
         if changes.is_empty() {
@@ -175,10 +170,10 @@ impl ServiceThread {
         Ok(changes.join(", "))
     }
 
-    /// Builds the controller of a configuration, and puts it in the place of the one in force.
+    /// Builds the controller of a configuration, and puts it in force.
     pub(super) fn hand_over(&mut self, config: Config, kind: Replacement, until: u64) -> Result<(), Refusal> {
         let new = cycle::build(&config)?;
-        let Answer::Replaced { unused, refused } = self.channel.order(Order::Replace { new, kind }, until)? else {
+        let Outcome::Replaced { unused, refused } = self.channel.order(Order::Replace { new, kind }, until)? else {
             return Err(OrderError::Late.into());
         };
         drop(unused);

@@ -1,5 +1,5 @@
-//! Requests: who asks what until when, and the answer with the daemon's state. Nothing here touches the real-time thread but
-//! through its orders.
+//! Requests with their deadlines, and the answers with the daemon's state. Nothing here touches the
+//! real-time thread except through its orders.
 
 mod change;
 mod control;
@@ -11,16 +11,16 @@ use ipc_types::{RequestKind, RequestSample, ResponseSample, ResponseStatus};
 use crate::channel::{CycleRecord, OrderError};
 use crate::log;
 use crate::service_thread::ServiceThread;
-use crate::settings::{Settings, law_code};
+use admittance_runner::settings::Settings;
 
-/// How long an order may wait for the real-time thread, which looks at its orders once per cycle, and without samples once
-/// per `max_sample_age_s`.
+/// How long an order may wait for the real-time thread, which looks at its orders once per cycle,
+/// and without samples once per `max_sample_age_s`.
 pub(crate) const ORDER_PATIENCE_NS: u64 = 1_500_000_000;
 
 /// Why a request was not carried out.
 #[derive(Debug)]
 pub(crate) enum Refusal {
-    /// What stands against it, and what would be accepted.
+    /// The reason, and what would be accepted.
     Refused(String),
     /// Its time was up first.
     Expired(String),
@@ -108,7 +108,7 @@ impl ServiceThread {
         response.cycles = self.diagnostics.cycles();
         response.joint_count = self.config.robot.joint.len() as u32;
         let settings = Settings::of(&self.config);
-        response.law = law_code(settings.law);
+        response.law = settings.law.law().code();
         response.enabled = u32::from(self.enabled);
         response.force_limit = settings.force_limit;
         response.wrench_bias = settings.bias;

@@ -1,13 +1,13 @@
-//! Reading the configuration file again: on SIGHUP and on request. The file then holds: what requests have changed is dropped,
-//! and the answer says from what to what.
+//! Reading the configuration file again: on SIGHUP and on request. The file then takes effect:
+//! changes by requests are dropped, and the answer says what changed back.
 
 use admittance_host::config;
 
 use super::{Answered, Refusal};
 use crate::channel::Replacement;
-use crate::config::{Config, Control};
 use crate::service_thread::ServiceThread;
-use crate::settings::Settings;
+use admittance_runner::config::{Config, Control};
+use admittance_runner::settings::Settings;
 
 impl ServiceThread {
     /// Hands a new controller over, if only what may change at run time has changed.
@@ -17,7 +17,7 @@ impl ServiceThread {
             self.file = new;
             return Ok("nothing has changed".to_owned());
         }
-        // The law is what a request may change too.
+        // A request may change the law too.
         let control = Control { law: self.config.control.law, ..new.control.clone() };
         let fixed = [
             ("ipc", new.ipc == self.config.ipc),

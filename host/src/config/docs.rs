@@ -5,14 +5,14 @@ use std::fmt::Write;
 use super::range::Limits;
 use super::value::{Key, Kind, join};
 
-/// What is known about one key, for documentation and tests.
+/// Everything known about a key, for documentation and tests.
 #[derive(Clone, Debug)]
 pub struct KeyDoc {
     /// Dotted path; `[]` stands for each table of an array: `robot.joint[].length_m`.
     pub path: String,
     /// TOML type.
     pub kind: Kind,
-    /// Unit; `None` for what is no number, `"1"` for a number without dimension.
+    /// Unit; `None` if the key is not a number, `"1"` for a number without dimension.
     pub unit: Option<&'static str>,
     /// Unit, range and length as declared.
     pub limits: Limits,
@@ -39,7 +39,7 @@ impl KeyDoc {
 /// A section's keys and those of the sections in it, depth first; each section has an entry too.
 pub(super) fn flatten(path: &str, keys: &[Key]) -> Vec<KeyDoc> {
     let mut docs = Vec::new();
-    for key in keys {
+    for key in keys.iter().filter(|key| key.removed.is_none()) {
         let path = join(path, key.name);
         docs.push(KeyDoc {
             kind: key.kind.clone(),

@@ -1,11 +1,11 @@
-//! What is wrong with a configuration, in words that let the reader correct it.
+//! What is wrong with a configuration, in words that help to correct it.
 
 use std::fmt;
 use std::path::PathBuf;
 
 use crate::exit::ExitCode;
 
-/// Longest value that is repeated in a message, in characters.
+/// Longest value that a message quotes, in characters.
 const LONGEST_VALUE: usize = 60;
 
 /// What kind of error it is.
@@ -15,9 +15,11 @@ pub enum Problem {
     Syntax(String),
     /// No such key; the key that was probably meant.
     Unknown(Option<String>),
+    /// A key that older files may have; why it is no longer there.
+    Removed(&'static str),
     /// A required key is absent.
     Missing,
-    /// The value has another type; the one it has, as in "a string".
+    /// The value has another type: which one, as in "a string".
     WrongType(&'static str),
     /// The value has the right type but is not acceptable, by itself or together with other keys.
     NotAccepted,
@@ -45,7 +47,7 @@ pub struct ConfigError {
 }
 
 impl ConfigError {
-    /// An error of a value that is not acceptable: the one that cross-checks report.
+    /// An error about a value that is not acceptable: what cross-checks report.
     pub fn new(key: impl Into<String>, value: impl fmt::Display, accepted: impl Into<String>) -> Self {
         Self::with_problem(Problem::NotAccepted, key, value, accepted)
     }
@@ -80,6 +82,7 @@ impl fmt::Display for ConfigError {
         }
         match problem {
             Problem::Syntax(message) => write!(f, "{message}; accepted: {accepted}"),
+            Problem::Removed(why) => write!(f, "this key is gone: {why}; accepted: a file without it"),
             Problem::Unknown(Some(meant)) => write!(f, "unknown key, did you mean {meant}? accepted: {accepted}"),
             Problem::Unknown(None) => write!(f, "unknown key; accepted: {accepted}"),
             Problem::WrongType(found) => write!(f, "is {found}; accepted: {accepted}"),
@@ -90,7 +93,8 @@ impl fmt::Display for ConfigError {
 
 impl std::error::Error for ConfigError {}
 
-/// All errors of one text, in the order of its lines. Displayed one per line, each with source and line number.
+/// All errors of one text, in the order of its lines. Displayed one per line, each with source and
+/// line number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConfigErrors {
     /// Where the text comes from, usually a file's path.

@@ -1,10 +1,10 @@
 //! The two macros that declare a configuration.
 
-/// Declares a section of the configuration: a struct and all that is known about its keys. See [`config`](crate::config) for
-/// the syntax.
+/// Declares a section of the configuration: a struct and all that is known about its keys. See
+/// [`config`](crate::config) for the syntax.
 ///
-/// The struct derives `Clone`, `Debug` and `PartialEq`, has public fields, and implements serde's `Deserialize`,
-/// [`Section`](crate::config::Section) and [`Value`](crate::config::Value).
+/// The struct derives `Clone`, `Debug` and `PartialEq`, has public fields, and implements serde's
+/// `Deserialize`, [`Section`](crate::config::Section) and [`Value`](crate::config::Value).
 #[macro_export]
 macro_rules! config_section {
     (
@@ -19,6 +19,7 @@ macro_rules! config_section {
                     $(, length $length:expr)?
                 ;
             )+
+            $(removed $gone:ident $why:literal;)*
         }
         $(cross_check $cross_check:expr;)?
     ) => {
@@ -63,7 +64,7 @@ macro_rules! config_section {
 
             impl Section for $name {
                 fn schema() -> Vec<Key> {
-                    vec![$({
+                    let mut keys = vec![$({
                         let (default, limits) = Declared::$field();
                         let default = $crate::config::private::absent(default);
                         Key {
@@ -73,8 +74,11 @@ macro_rules! config_section {
                             required: default.is_none(),
                             default: default.as_ref().map(Value::to_toml),
                             meaning: $crate::config::private::meaning(&[$($meaning),+]),
+                            removed: None,
                         }
-                    }),+]
+                    }),+];
+                    keys.extend([$( Key::removed(stringify!($gone), $why) ),*]);
+                    keys
                 }
 
                 fn check(&self, path: &str, errors: &mut Vec<ConfigError>) {
@@ -163,11 +167,13 @@ macro_rules! config_section {
     };
 }
 
-/// Declares an enum whose values the configuration names: `Variant = "snake_case_name"`, each with a doc comment.
+/// Declares an enum whose values the configuration names: `Variant = "snake_case_name"`, each with
+/// a doc comment.
 ///
-/// The enum derives `Clone`, `Copy`, `Debug`, `PartialEq`, `Eq` and `Hash`, has the associated constant `ALL` and the method
-/// `name()`, and implements `Display` (the name), serde's `Deserialize` and [`Value`](crate::config::Value). A name that is
-/// not `snake_case` does not compile.
+/// The enum derives `Clone`, `Copy`, `Debug`, `PartialEq`, `Eq` and `Hash`, has the associated
+/// constant `ALL` and the method `name()`, and implements `Display` (the name), serde's
+/// `Deserialize` and [`Value`](crate::config::Value). A name that is not `snake_case` does not
+/// compile.
 #[macro_export]
 macro_rules! config_enum {
     (
@@ -248,5 +254,17 @@ macro_rules! config_enum {
                 }
             }
         };
+    };
+}
+
+/// Says that a section is a whole file, which [`parse`](crate::config::parse) accepts.
+#[macro_export]
+macro_rules! config_file {
+    ($name:ty) => {
+        impl $crate::config::File for $name {
+            fn deserialized(text: &str) -> Result<Self, $crate::config::private::toml::de::Error> {
+                $crate::config::private::toml::from_str(text)
+            }
+        }
     };
 }

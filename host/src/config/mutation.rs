@@ -1,8 +1,10 @@
-//! Wrong variants of a valid configuration, one thing wrong in each, for tests that drive every key of a shipped file.
+//! Wrong variants of a valid configuration, one thing wrong in each, for tests that drive every key
+//! of a shipped file.
 //!
 //! ```no_run
 //! # admittance_host::config_section! { struct Config { /// Priority.
 //! # priority: u32 = 0, unit "1", range 0..=99; } }
+//! # admittance_host::config_file!(Config);
 //! let text = std::fs::read_to_string("deploy/cell.toml").unwrap();
 //! let count = admittance_host::config::mutation::check_every_key::<Config>(&text).unwrap();
 //! assert!(count > 100);
@@ -16,7 +18,7 @@ use super::docs::KeyDoc;
 use super::error::{ConfigErrors, Problem};
 use super::parse::{default_errors, parse};
 use super::range::{Limits, Number};
-use super::value::{Kind, Section};
+use super::value::{File, Kind};
 
 /// What is wrong with a mutation's text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -59,8 +61,9 @@ pub struct Mutation {
 }
 
 impl Mutation {
-    /// Whether the outcome of parsing [`Mutation::text`] is right: an error that names the key, the value and what is
-    /// accepted. For [`MutationKind::Omitted`] no error, or those of rules between keys only.
+    /// Whether the outcome of parsing [`Mutation::text`] is right: an error that names the key, the
+    /// value and what is accepted. For [`MutationKind::Omitted`] no error, or those of rules
+    /// between keys only.
     ///
     /// # Errors
     /// A sentence that says what is not as it should be.
@@ -93,17 +96,18 @@ impl Mutation {
         if problem_fits && names_value && names_accepted && message.contains(key.as_str()) {
             Ok(())
         } else {
-            Err(format!("{key}: {kind:?} ({value}): the message does not say it: {message}"))
+            Err(format!("{key}: {kind:?} ({value}): the message does not say so: {message}"))
         }
     }
 }
 
-/// Parses every [mutation](mutations) of a valid text and [verifies](Mutation::verify) the outcome; also checks that the text itself is
-/// valid, that each number has a unit and each key a meaning, and that each default is in its own range. Returns how many mutations there were.
+/// Parses every [mutation](mutations) of a valid text and [verifies](Mutation::verify) the outcome;
+/// also checks that the text itself is valid, that each number has a unit and each key a meaning,
+/// and that each default is in its own range. Returns how many mutations there were.
 ///
 /// # Errors
 /// One sentence for each thing that is not as it should be.
-pub fn check_every_key<T: Section>(valid_text: &str) -> Result<usize, Vec<String>> {
+pub fn check_every_key<T: File>(valid_text: &str) -> Result<usize, Vec<String>> {
     let keys = T::keys("");
     if let Err(errors) = parse::<T>(valid_text, "valid text") {
         return Err(vec![format!("the text is not valid to begin with:\n{errors}")]);
@@ -130,10 +134,11 @@ pub fn check_every_key<T: Section>(valid_text: &str) -> Result<usize, Vec<String
     if failures.is_empty() { Ok(mutations.len()) } else { Err(failures) }
 }
 
-/// For each key every way to get it wrong. `keys` are those of the root section ([`Section::keys`] of `""`).
+/// For each key every way to get it wrong. `keys` are those of the root section (`Section::keys`
+/// of `""`).
 ///
-/// A key in an array of tables is changed in the first of them. Optional sections that the text lacks are added for their
-/// keys' mutations; other errors then come along with the intended one.
+/// A key in an array of tables is changed in the first of them. Optional sections that the text
+/// lacks are added for their keys' mutations; other errors then come along with the intended one.
 ///
 /// # Panics
 /// When `valid_text` is not TOML, or a key's path leads through something that is no table.
@@ -179,7 +184,8 @@ fn mutations_of(key: &KeyDoc, valid: &Table) -> Vec<Mutation> {
     all
 }
 
-/// Kind of error, element that is wrong, the key's whole value, and the wrong part of it as errors show it.
+/// Kind of error, element that is wrong, the key's whole value, and the wrong part of it as errors
+/// show it.
 type WrongValue = (MutationKind, String, Toml, String);
 
 fn wrong_values(kind: &Kind, limits: &Limits, present: Option<&Toml>) -> Vec<WrongValue> {
@@ -311,7 +317,8 @@ fn look_up<'a>(path: &str, root: &'a Table) -> Option<&'a Toml> {
     table.get(name)
 }
 
-/// The table that holds the key (added where the text lacks it), its path with a final dot, and the key's name.
+/// The table that holds the key (added where the text lacks it), its path with a final dot, and the
+/// key's name.
 fn enter<'t, 'p>(root: &'t mut Table, path: &'p str) -> (&'t mut Table, String, &'p str) {
     let (sections, name) = path.rsplit_once('.').unwrap_or(("", path));
     let mut table = root;

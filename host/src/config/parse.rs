@@ -10,23 +10,26 @@ use super::docs::KeyDoc;
 use super::error::{ConfigError, ConfigErrors, LoadError, Problem};
 use super::range::{Limits, Number};
 use super::suggest::nearest;
-use super::value::{Key, Kind, Section, join};
+use super::value::{File, Key, Kind, join};
 
 /// Reads and parses a configuration file.
 ///
 /// # Errors
-/// The file cannot be read, or [`parse`] does not accept it; [`LoadError::exit_code`] tells them apart.
-pub fn load<T: Section>(path: &Path) -> Result<T, LoadError> {
+/// The file cannot be read, or [`parse`] does not accept it; [`LoadError::exit_code`] tells them
+/// apart.
+pub fn load<T: File>(path: &Path) -> Result<T, LoadError> {
     let text = std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
     Ok(parse(&text, &path.display().to_string())?)
 }
 
-/// Parses and checks a configuration; `source_name` is what errors call the text, usually the file's path.
+/// Parses and checks a configuration; `source_name` is what errors call the text, usually the
+/// file's path.
 ///
 /// # Errors
-/// *All* unknown keys, missing keys, wrong types and values out of range, in the order of their lines; with none of these,
-/// all errors of the cross-checks. Text that is not TOML gives its syntax errors only.
-pub fn parse<T: Section>(text: &str, source_name: &str) -> Result<T, ConfigErrors> {
+/// *All* unknown keys, missing keys, wrong types and values out of range, in the order of their
+/// lines; with none of these, all errors of the cross-checks. Text that is not TOML gives its
+/// syntax errors only.
+pub fn parse<T: File>(text: &str, source_name: &str) -> Result<T, ConfigErrors> {
     let failed = |mut errors: Vec<ConfigError>| {
         errors.sort_by_key(|error| error.line.unwrap_or(usize::MAX));
         ConfigErrors { source_name: source_name.to_owned(), errors }
@@ -43,8 +46,9 @@ pub fn parse<T: Section>(text: &str, source_name: &str) -> Result<T, ConfigError
         return Err(failed(walk.errors));
     }
 
-    // The walk accepts nothing that serde refuses; should it, serde's own message is better than none.
-    let config: T = toml::from_str(text).map_err(|error| failed(vec![syntax_error(text, &error)]))?;
+    // The walk accepts nothing that serde refuses; should it, serde's own message is better than
+    // none.
+    let config = T::deserialized(text).map_err(|error| failed(vec![syntax_error(text, &error)]))?;
     let mut errors = Vec::new();
     config.check("", &mut errors);
     if errors.is_empty() {
@@ -56,7 +60,7 @@ pub fn parse<T: Section>(text: &str, source_name: &str) -> Result<T, ConfigError
     Err(failed(errors))
 }
 
-/// What is wrong with a key's own default; a section's is that of its keys.
+/// What is wrong with a key's own default; a section's default consists of its keys'.
 pub(super) fn default_errors(doc: &KeyDoc) -> Vec<ConfigError> {
     let Some(default) = doc.default.as_deref().filter(|default| *default != "none") else { return Vec::new() };
     if doc.holds_section() {
@@ -70,6 +74,7 @@ pub(super) fn default_errors(doc: &KeyDoc) -> Vec<ConfigError> {
         default: None,
         required: true,
         meaning: String::new(),
+        removed: None,
     };
     let (table, syntax_errors) = DeTable::parse_recoverable(&text);
     let mut walk = Walk { text: &text, all: Vec::new(), errors: Vec::new(), lines: BTreeMap::new() };
@@ -95,9 +100,14 @@ impl Walk<'_> {
             let key_line = line_at(self.text, name.span().start);
             self.lines.insert(key_path.clone(), key_line);
             match keys.iter().find(|key| key.name == name.get_ref().as_ref()) {
+                Some(Key { removed: Some(why), .. }) => {
+                    let error = ConfigError::with_problem(Problem::Removed(why), key_path, self.source_of(value), "");
+                    self.errors.push(error.at(Some(key_line)));
+                }
                 Some(key) => self.value(&key_path, &key.kind, &key.limits, value, key_line),
                 None => {
-                    let problem = Problem::Unknown(self.meant(path, name.get_ref(), keys));
+                    let keys: Vec<&Key> = keys.iter().filter(|key| key.removed.is_none()).collect();
+                    let problem = Problem::Unknown(self.meant(path, name.get_ref(), &keys));
                     let names: Vec<_> = keys.iter().map(|key| key.name).collect();
                     let value = self.source_of(value);
                     let error = ConfigError::with_problem(problem, key_path, value, names.join(", "));
@@ -160,8 +170,9 @@ impl Walk<'_> {
         }
     }
 
-    /// The key that was probably meant: one of this section with nearly this name, else one of this name elsewhere.
-    fn meant(&self, path: &str, name: &str, keys: &[Key]) -> Option<String> {
+    /// The key that was probably meant: one of this section with nearly this name, else one of this
+    /// name elsewhere.
+    fn meant(&self, path: &str, name: &str, keys: &[&Key]) -> Option<String> {
         if let Some(near) = nearest(name, keys.iter().map(|key| key.name)) {
             return Some(join(path, near));
         }
@@ -169,7 +180,7 @@ impl Walk<'_> {
         self.all.iter().find(elsewhere).map(|doc| doc.path.clone())
     }
 
-    /// The value as the text has it; of a table or an array of tables just what it is.
+    /// The value as written in the text; for a table or an array of tables only its kind.
     fn source_of(&self, value: &Spanned<DeValue<'_>>) -> String {
         match value.get_ref() {
             DeValue::Table(_) => "{table}".to_owned(),
@@ -228,7 +239,8 @@ fn syntax_error(text: &str, error: &toml::de::Error) -> ConfigError {
     ConfigError::with_problem(problem, key, value, "TOML 1.1, each key once: key = value, under its [section]").at(line)
 }
 
-/// Dotted key on a line of text that could not be parsed: the header above it and what stands before `=`.
+/// Dotted key on a line of text that could not be parsed: the header above it and what stands
+/// before `=`.
 fn key_near(text: &str, line: usize) -> String {
     let lines: Vec<_> = text.lines().take(line).map(str::trim).collect();
     let Some((name, _)) = lines.last().and_then(|last| last.split_once('=')) else { return String::new() };

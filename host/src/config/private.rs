@@ -1,10 +1,10 @@
 //! What the macros' expansions need; not for direct use.
 
-pub use serde;
+pub use {serde, toml};
 
 use super::value::Value;
 
-/// The value of an absent key: its default if the declaration gives one, else what its type says.
+/// The value of an absent key: its declared default, or else its type's.
 pub fn absent<T: Value>(default: Option<T>) -> Option<T> {
     default.or_else(T::when_missing)
 }

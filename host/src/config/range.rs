@@ -39,7 +39,8 @@ impl fmt::Display for Number {
         match self {
             Self::Integer(i) => write!(f, "{i}"),
             Self::Float(x) => {
-                // Debug switches to an exponent for very large and very small numbers, Display never does.
+                // Debug switches to an exponent for very large and very small numbers, Display
+                // never does.
                 let text = format!("{x:?}");
                 write!(f, "{}", text.strip_suffix(".0").unwrap_or(&text))
             }
@@ -147,7 +148,8 @@ macro_rules! integer_scalar {
 }
 integer_scalar!(i32, i64, u8, u16, u32, u64, usize);
 
-/// Scalar type of the keys that are no numbers. It has no values, so that a range on such a key does not compile.
+/// Scalar type of the keys that are no numbers. It has no values, so that a range on such a key
+/// does not compile.
 #[derive(Clone, Copy, Debug)]
 pub enum NoRange {}
 
@@ -184,7 +186,8 @@ impl Limits {
     }
 }
 
-/// Builds [`Limits`] for a key of scalar type `S`; used by [`config_section!`](crate::config_section).
+/// Builds [`Limits`] for a key of scalar type `S`; used by
+/// [`config_section!`](crate::config_section).
 #[derive(Debug)]
 pub struct LimitsOf<S> {
     limits: Limits,

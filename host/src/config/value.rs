@@ -1,10 +1,8 @@
 //! Types that a key can have, and the description of a key.
 
-use std::path::{Path, PathBuf};
-
 use super::docs::{KeyDoc, flatten};
 use super::error::ConfigError;
-use super::range::{Limits, NoRange, Number, Scalar};
+use super::range::{Limits, LimitsOf, NoRange, Scalar};
 
 /// One name of a [`config_enum!`](crate::config_enum).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,7 +60,7 @@ impl Kind {
         }
     }
 
-    /// What a value must be, its type apart; empty when nothing but the type is asked.
+    /// What a value must be besides its type; empty if only the type matters.
     fn restriction(&self, limits: &Limits) -> String {
         match self {
             Self::Float | Self::Integer => match limits.shown_unit() {
@@ -88,7 +86,8 @@ impl Kind {
         }
     }
 
-    /// What is accepted for the key at `path`, type included: for messages about a missing or wrongly typed value.
+    /// What is accepted for the key at `path`, type included: for messages about a missing or
+    /// wrongly typed value.
     pub fn accepted(&self, path: &str, limits: &Limits) -> String {
         let name = match self {
             Self::Section(_) => format!("table [{path}]"),
@@ -104,7 +103,7 @@ impl Kind {
         }
     }
 
-    /// What is accepted of a value that has the right type already.
+    /// What is accepted for a value that already has the right type.
     pub fn accepted_value(&self, path: &str, limits: &Limits) -> String {
         match self {
             Self::Float | Self::Integer | Self::Choice(_) => self.restriction(limits),
@@ -128,6 +127,23 @@ pub struct Key {
     pub required: bool,
     /// Its doc comment.
     pub meaning: String,
+    /// For a removed key: why, and what replaces it.
+    pub removed: Option<&'static str>,
+}
+
+impl Key {
+    /// A removed key.
+    pub fn removed(name: &'static str, why: &'static str) -> Self {
+        Self {
+            name,
+            kind: Kind::Text,
+            limits: LimitsOf::<NoRange>::default().limits(),
+            default: None,
+            required: false,
+            meaning: String::new(),
+            removed: Some(why),
+        }
+    }
 }
 
 /// A type that a key can have.
@@ -155,7 +171,8 @@ pub trait Section: Value + serde::de::DeserializeOwned {
     /// The keys of this table, in the order of their declaration.
     fn schema() -> Vec<Key>;
 
-    /// Checks every key's value, and with no error among them the rules between keys; appends *all* errors.
+    /// Checks every key's value, and with no error among them the rules between keys; appends *all*
+    /// errors.
     ///
     /// `path` is the dotted path of this section, empty for the root.
     fn check(&self, path: &str, errors: &mut Vec<ConfigError>);
@@ -169,167 +186,17 @@ pub trait Section: Value + serde::de::DeserializeOwned {
     }
 }
 
+/// The section that is a whole file; declared with [`config_file!`](crate::config_file).
+pub trait File: Section {
+    /// What serde makes of a text. A function of the file's own crate, so that those who use it
+    /// need not compile it again.
+    ///
+    /// # Errors
+    /// What TOML or serde does not accept.
+    fn deserialized(text: &str) -> Result<Self, toml::de::Error>;
+}
+
 /// Path of a key in the section at `path`.
 pub fn join(path: &str, name: &str) -> String {
     if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") }
-}
-
-fn check_number(x: Number, kind: &Kind, path: &str, limits: &Limits, errors: &mut Vec<ConfigError>) {
-    if !limits.range.accept(x) {
-        errors.push(ConfigError::new(path, x, kind.accepted_value(path, limits)));
-    }
-}
-
-fn check_text(text: &str, path: &str, limits: &Limits, errors: &mut Vec<ConfigError>) {
-    if !limits.accept_length(text.chars().count()) {
-        errors.push(ConfigError::new(path, text_to_toml(text), Kind::Text.accepted_value(path, limits)));
-    }
-}
-
-fn check_elements<T: Value>(elements: &[T], path: &str, limits: &Limits, errors: &mut Vec<ConfigError>) {
-    for (i, element) in elements.iter().enumerate() {
-        element.check_value(&format!("{path}[{i}]"), &Limits { length: None, ..*limits }, errors);
-    }
-}
-
-fn text_to_toml(text: &str) -> String {
-    toml::Value::String(text.to_owned()).to_string()
-}
-
-fn elements_to_toml<T: Value>(elements: &[T]) -> String {
-    format!("[{}]", elements.iter().map(Value::to_toml).collect::<Vec<_>>().join(", "))
-}
-
-macro_rules! number_value {
-    ($kind:ident: $($number:ty),+) => { $(
-        impl Value for $number {
-            type Scalar = Self;
-
-            fn kind() -> Kind {
-                Kind::$kind
-            }
-
-            fn check_value(&self, path: &str, limits: &Limits, errors: &mut Vec<ConfigError>) {
-                check_number(self.number(), &Kind::$kind, path, limits, errors);
-            }
-
-            fn to_toml(&self) -> String {
-                toml_number(self.number())
-            }
-        }
-    )+ };
-}
-number_value!(Float: f64);
-number_value!(Integer: i32, i64, u8, u16, u32, u64, usize);
-
-/// A float keeps its point, as TOML has two kinds of numbers.
-fn toml_number(x: Number) -> String {
-    match x {
-        Number::Integer(i) => i.to_string(),
-        Number::Float(x) => toml::Value::Float(x).to_string(),
-    }
-}
-
-impl Value for bool {
-    type Scalar = NoRange;
-
-    fn kind() -> Kind {
-        Kind::Boolean
-    }
-
-    fn check_value(&self, _: &str, _: &Limits, _: &mut Vec<ConfigError>) {}
-
-    fn to_toml(&self) -> String {
-        self.to_string()
-    }
-}
-
-impl Value for String {
-    type Scalar = NoRange;
-
-    fn kind() -> Kind {
-        Kind::Text
-    }
-
-    fn check_value(&self, path: &str, limits: &Limits, errors: &mut Vec<ConfigError>) {
-        check_text(self, path, limits, errors);
-    }
-
-    fn to_toml(&self) -> String {
-        text_to_toml(self)
-    }
-}
-
-impl Value for PathBuf {
-    type Scalar = NoRange;
-
-    fn kind() -> Kind {
-        Kind::Text
-    }
-
-    fn check_value(&self, path: &str, limits: &Limits, errors: &mut Vec<ConfigError>) {
-        check_text(&Path::to_string_lossy(self), path, limits, errors);
-    }
-
-    fn to_toml(&self) -> String {
-        text_to_toml(&Path::to_string_lossy(self))
-    }
-}
-
-impl<T: Value> Value for Option<T> {
-    type Scalar = T::Scalar;
-
-    fn kind() -> Kind {
-        T::kind()
-    }
-
-    fn when_missing() -> Option<Self> {
-        Some(None)
-    }
-
-    fn check_value(&self, path: &str, limits: &Limits, errors: &mut Vec<ConfigError>) {
-        if let Some(value) = self {
-            value.check_value(path, limits, errors);
-        }
-    }
-
-    fn to_toml(&self) -> String {
-        self.as_ref().map_or_else(|| "none".to_owned(), Value::to_toml)
-    }
-}
-
-impl<T: Value> Value for Vec<T> {
-    type Scalar = T::Scalar;
-
-    fn kind() -> Kind {
-        Kind::List { of: Box::new(T::kind()), length: None }
-    }
-
-    fn check_value(&self, path: &str, limits: &Limits, errors: &mut Vec<ConfigError>) {
-        if !limits.accept_length(self.len()) {
-            let value = format!("{} elements", self.len());
-            errors.push(ConfigError::new(path, value, Self::kind().accepted_value(path, limits)));
-        }
-        check_elements(self, path, limits, errors);
-    }
-
-    fn to_toml(&self) -> String {
-        elements_to_toml(self)
-    }
-}
-
-impl<T: Value, const N: usize> Value for [T; N] {
-    type Scalar = T::Scalar;
-
-    fn kind() -> Kind {
-        Kind::List { of: Box::new(T::kind()), length: Some(N) }
-    }
-
-    fn check_value(&self, path: &str, limits: &Limits, errors: &mut Vec<ConfigError>) {
-        check_elements(self, path, limits, errors);
-    }
-
-    fn to_toml(&self) -> String {
-        elements_to_toml(self)
-    }
 }

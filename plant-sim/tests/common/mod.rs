@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 use admittance_host::config::parse;
-use ipc_types::{CommandSample, Motion, StateSample, TruthSample};
+use ipc_types::{CommandSample, Motion, StateSample, TruthSample, VirtualPlant};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
@@ -45,7 +45,8 @@ pub(crate) fn command(state: &StateSample, offset: &[f64]) -> CommandSample {
     }
 }
 
-/// Runs a scenario to its end; `law` gives the offset from each sample. Returns the truth of every sample.
+/// Runs a scenario to its end; `law` gives the offset from each sample. Returns the truth of every
+/// sample.
 pub(crate) fn run(scenario: &Scenario, mut law: impl FnMut(&StateSample) -> Vec<f64>) -> Vec<TruthSample> {
     let mut run = VirtualRun::new(scenario).expect("the scenario can be set up");
     let mut truths = Vec::new();

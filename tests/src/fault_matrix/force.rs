@@ -1,7 +1,8 @@
 //! What the true normal force stays under, as a number.
 
+use admittance_core::quantities::Span;
 use admittance_host::config::parse;
-use admittanced::config::Config;
+use admittance_runner::config::Config;
 use ipc_types::{CommandSample, TruthSample};
 use nalgebra::Vector2;
 use plant_sim::scenario::{MotionSection, Scenario};
@@ -9,7 +10,8 @@ use plant_sim::scenario::{MotionSection, Scenario};
 use super::row::Force;
 use crate::closed_loop::Experiment;
 
-/// For what a plan and a coast as straight lines leave out: the joints turn meanwhile, and lag unequally.
+/// For what a plan and a coast as straight lines leave out: the joints turn meanwhile, and lag
+/// unequally.
 const MARGIN: f64 = 1.1;
 /// The same for small forces, N.
 const MARGIN_N: f64 = 2.0;
@@ -56,15 +58,15 @@ fn plan_then_hold(scenario: &Scenario, (command, truth): (&CommandSample, &Truth
         // The last step is played until the command is valid no longer.
         let end = if step + 1 < steps { command.plan_end_ns[step].min(valid_ns) } else { valid_ns };
         let twist = std::array::from_fn(|axis| reference[axis] + command.planned_offset[step][axis]);
-        way += inward(&twist).max(0.0) * end.saturating_sub(begun) as f64 * 1e-9;
+        way += inward(&twist).max(0.0) * Span::from_nanoseconds(end.saturating_sub(begun)).seconds();
         begun = end;
     }
     way += inward(&coast(scenario, truth)).max(0.0);
     (truth.normal_force_n + surface.stiffness_n_m * way) * MARGIN + MARGIN_N
 }
 
-/// The way in m that the TCP coasts when the arm is held: every joint goes on for its own time constant, so that even an arm that
-/// moves along the surface coasts into it.
+/// The way in m that the TCP coasts when the arm is held: every joint goes on for its own time
+/// constant, so that even an arm that moves along the surface coasts into it.
 fn coast(scenario: &Scenario, truth: &TruthSample) -> [f64; 6] {
     let chain = scenario.robot.chain::<2>().expect("the planar arm");
     let kinematics = chain.kinematics(&Vector2::from_column_slice(&truth.joint_position[..2]));

@@ -45,7 +45,8 @@ pub enum Signal {
 pub enum Newcomer {
     /// For the instance that the running one serves.
     SameInstance,
-    /// For an instance whose state service a foreign process has created, with samples of another size.
+    /// For an instance whose state service a foreign process has created, with samples of another
+    /// size.
     ForeignSize,
     /// The same with another schema version.
     ForeignVersion,

@@ -1,7 +1,11 @@
-//! The fault matrix: what goes wrong, and what robot, command, log and exit codes then do, in free motion and in contact. One
-//! table, [`rows`], from which the tests run real processes ([`run`]) and `docs/faults.md` is written ([`page`]).
+//! The fault matrix: what goes wrong, and what robot, command, log and exit codes then do, in free
+//! motion and in contact. One table, [`rows`], from which the tests run real processes ([`run`])
+//! and `docs/faults.md` is written ([`page`]).
 
+mod expectation;
+mod files;
 mod force;
+mod inject;
 mod injection;
 mod observe;
 mod page;
@@ -9,6 +13,7 @@ mod process_rows;
 mod recover;
 pub mod row;
 mod run;
+mod said;
 mod sample_rows;
 mod setup_rows;
 mod watch;
@@ -18,10 +23,12 @@ pub use run::run;
 
 use row::{Expectation, FREE, Force, Injection, Key, Line, Robot, Row, Said, Timeline, Who};
 
-/// Duration of a scripted fault in s: longer than the bridge by the last plan and the retreat after it.
+/// Duration of a scripted fault in s: longer than the bridge by the last plan and the retreat after
+/// it.
 pub const SCRIPTED_S: f64 = 0.4;
 
-/// Keys of the daemon of every row, beside the default profile: it bears a machine that is busy for some cycles.
+/// Keys of the daemon of every row, beside the default profile: it bears a machine that is busy for
+/// some cycles.
 pub const DAEMON_KEYS: [Key; 5] = [
     ("control.command_delay_s", "0.001"),
     ("control.answer_budget_s", "0.0035"),

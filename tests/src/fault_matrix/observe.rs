@@ -1,22 +1,21 @@
-//! What was seen, against what the row says.
+//! Compares what was seen with what the row says.
 
-use ipc_types::{CommandSample, Mode, Motion, Source, TruthSample};
+use ipc_types::{CommandSample, Mode, Motion, Source, StopReason, TruthSample};
 
+use super::files::{daemon_file, scenario_file};
 use super::force;
 use super::row::{Counter, End, Expectation, Force, Injection, Robot, Said, Signal, Situation, Who};
-use super::run::{FAULT_AT_S, Instants, Stage, Wrong, daemon_file, scenario_file};
+use super::run::{FAULT_AT_S, Instants, Stage, Wrong};
 use crate::PATIENCE;
 
 /// Speed in m/s below which the TCP stands still.
 const STANDSTILL: f64 = 1e-3;
-/// Stops that a machine brings about which takes the processor away.
+/// Stops that a busy machine causes by taking the processor away.
 const BY_MACHINE: [&str; 3] = ["SampleStale", "FallbackExhausted", "RateMismatch"];
-/// By when the arm has touched, in s.
-const AFTER_TOUCH_S: f64 = 0.3;
 /// A sample that the plant itself publishes so late (ns) is the machine's doing.
 const LATE_NS: u64 = 10_000_000;
 
-/// What commands say, one after the other.
+/// The successive states that commands report.
 pub(super) fn states<'a>(commands: impl Iterator<Item = &'a CommandSample>) -> Vec<Said> {
     let mut states: Vec<Said> = commands.filter_map(Said::of).collect();
     states.dedup();
@@ -29,10 +28,11 @@ pub(super) fn agrees(found: &[Said], expected: &Expectation) -> bool {
     found.iter().filter(matters).eq(expected.command.iter().filter(matters))
 }
 
-/// What a busy machine did to the run that the row does not say; `None` when nothing.
+/// How a busy machine disturbed the run; `None` if it did not.
 pub(super) fn disturbance(stage: &Stage<'_>) -> Option<String> {
     let expected = stage.row.expected(stage.situation);
-    let is_expected = |name: &str| expected.command.iter().any(|said| said.reason.name() == name);
+    let is_expected =
+        |name: &str| expected.command.iter().any(|said| said.reason.map_or("None", StopReason::name) == name);
     if let Some(reason) = BY_MACHINE.into_iter().find(|name| stage.log.contains(name) && !is_expected(name)) {
         return Some(format!("a stop for {reason}"));
     }
@@ -44,12 +44,18 @@ pub(super) fn disturbance(stage: &Stage<'_>) -> Option<String> {
     if let Some(late) = running().find(|truth| truth.lateness_ns > LATE_NS && expected.robot != Robot::NotRunning) {
         return Some(format!("a sample {} ms late", late.lateness_ns / 1_000_000));
     }
-    // A command that is missed around the touch may make it infeasible.
-    let until = match stage.row.injection {
-        Injection::FromStart => AFTER_TOUCH_S,
-        _ => FAULT_AT_S[usize::from(stage.situation == Situation::Contact)],
+    // A command that is missed in contact may make it infeasible.
+    let is_before: &dyn Fn(&TruthSample) -> bool = match stage.row.injection {
+        Injection::FromStart => {
+            let stops = |command: &&CommandSample| {
+                Mode::from_code(command.mode).is_some_and(|mode| matches!(mode, Mode::Stopping | Mode::Stopped))
+            };
+            let stop = seen.commands.values().find(stops).map_or(u64::MAX, |command| command.state_stamp_ns);
+            &move |truth| truth.stamp_ns <= stop
+        }
+        _ => &|truth| truth.scenario_time_s < FAULT_AT_S[usize::from(stage.situation == Situation::Contact)],
     };
-    let missed = running().filter(|truth| truth.missed == 1 && truth.scenario_time_s < until).count();
+    let missed = running().filter(|truth| truth.missed == 1 && is_before(truth)).count();
     (missed > 0).then(|| format!("{missed} commands missed before the fault"))
 }
 
@@ -102,7 +108,7 @@ fn check_robot(stage: &Stage<'_>, instants: &Instants) -> Result<(), Wrong> {
     let seen = stage.watcher.seen();
     let last = seen.truths_within(instants.fault, instants.recovery).last();
     if robot == Robot::NotRunning {
-        // What was under way when it ended is still the past.
+        // Samples under way when it ended belong to the past.
         let later = seen.truths_within(instants.fault + 50_000_000, instants.recovery).count();
         return if later == 0 { Ok(()) } else { Err(format!("{later} truths of a robot that does not run")) };
     }
@@ -203,7 +209,7 @@ pub(super) fn check_counts(stage: &Stage<'_>, before: &CommandSample) -> Result<
     Ok(())
 }
 
-/// The whole of the run: nothing is silently replaced by zero or held.
+/// Checks the whole run: nothing is silently replaced by zero or held.
 pub(super) fn check_all(stage: &Stage<'_>) -> Result<(), Wrong> {
     let seen = stage.watcher.seen();
     for command in seen.commands.values() {

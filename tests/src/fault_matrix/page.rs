@@ -43,7 +43,7 @@ pub fn page() -> String {
     page
 }
 
-/// What a cell of the page says of an expectation.
+/// The text of a cell of the page.
 type Cell = fn(&Expectation) -> String;
 
 fn section(row: &Row) -> String {

@@ -1,4 +1,5 @@
-//! Rows about the processes: killed, stopped, started twice, and the places where they meet and write.
+//! Rows about the processes: killed, stopped, started twice, and the places where they meet and
+//! write.
 
 use ipc_types::StopReason;
 
@@ -8,7 +9,7 @@ use super::row::{
 };
 use super::{LONG, by_daemon, by_newcomer, row};
 
-/// A fault that the running pair must not notice: what it starts ends with `code` and says `log`.
+/// A fault that the running pair must not notice: the new process ends with `code` and logs `log`.
 fn unnoticed(
     name: &'static str,
     fault: &'static str,
@@ -24,7 +25,7 @@ fn unnoticed(
         force,
         ..Expectation::undisturbed(said)
     };
-    Row { fault, injection, ..row(name, expected(FREE, Force::None), expected(CONTACT, Force::Limit)) }
+    Row { fault, injection, timeline: LONG, ..row(name, expected(FREE, Force::None), expected(CONTACT, Force::Limit)) }
 }
 
 fn killed_or_stopped() -> Vec<Row> {
@@ -192,17 +193,14 @@ fn surroundings() -> Vec<Row> {
             &["No such file or directory"],
             &[],
         ),
-        Row {
-            timeline: LONG,
-            ..unnoticed(
-                "recording_disk_full",
-                "The disk becomes full while a recording is made.",
-                Injection::Record(Disk::Full),
-                74,
-                &["No space left on device", "what was written until a second before is readable"],
-                &[],
-            )
-        },
+        unnoticed(
+            "recording_disk_full",
+            "The disk becomes full while a recording is made.",
+            Injection::Record(Disk::Full),
+            74,
+            &["No space left on device", "what was written until a second before is readable"],
+            &[],
+        ),
     ];
     let (daemon, plant) = (Who::Daemon, Who::Plant);
     let anew = [Step::End(daemon), Step::End(plant), Step::Start(daemon), Step::Start(plant)];

@@ -2,15 +2,16 @@
 
 use ipc_types::Motion;
 
+use super::files::{sound_daemon_file, sound_scenario_file};
 use super::row::{Injection, Said, Situation, Step, Who};
-use super::run::{FAULT_AT_S, FREE_MOTION_S, Stage, Wrong, sound_daemon_file, sound_scenario_file};
+use super::run::{FAULT_AT_S, FREE_MOTION_S, Stage, Wrong};
 use crate::session::{ctl_command, plant_command, write};
 use crate::{Child, PATIENCE};
 
 /// Commands in a row after which control counts as back.
 const COMMANDS: usize = 10;
 
-/// Takes the row's steps, and sees control again.
+/// Takes the row's recovery steps, and waits until control is back.
 pub(super) fn recover(stage: &mut Stage<'_>) -> Result<(), Wrong> {
     for step in stage.row.expected(stage.situation).recovery.clone() {
         take(stage, step).map_err(|wrong| format!("recovery, {step}: {wrong}"))?;
@@ -38,7 +39,8 @@ fn take(stage: &mut Stage<'_>, step: Step) -> Result<(), Wrong> {
         Step::Start(Who::Plant) => start_plant(stage),
         Step::Start(_) => {
             if stage.row.injection == Injection::RemoveRoot {
-                // As of the others: who keeps the old services removes the new ones' files when it ends.
+                // As for the others: a process that keeps the old services open removes the new
+                // ones' files when it ends.
                 stage.watcher.rest();
                 stage.start_daemon();
                 stage.watcher.watch_anew(stage.ipc.settings());

@@ -1,26 +1,20 @@
-//! One row in one situation, through real processes: until nothing disturbs it but its fault.
+//! One row in one situation, with real processes: repeated until only its fault disturbs it.
 
 use std::path::PathBuf;
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 use admittance_host::clock::monotonic_ns;
-use iceoryx2::prelude::{ServiceName, ZeroCopySend};
-use ipc_types::{CommandSample, Instance, services};
+use ipc_types::CommandSample;
 
-use super::row::{Disk, Injection, Newcomer, Row, Said, Signal, Situation, Who};
+use super::files::{daemon_file, scenario_file};
+use super::row::{Injection, Row, Said, Situation, Who};
 use super::watch::{Seen, Watcher};
-use super::{DAEMON_KEYS, SCRIPTED_S, observe, recover};
-use crate::closed_loop::MPC_DEFAULT;
-use crate::session::{
-    PAPER_SCENARIO, TRIES, ctl_command, daemon_command, output, plant_command, start_daemon, with_keys, write,
-};
+use super::{observe, recover};
+use crate::session::{TRIES, plant_command, start_daemon, write};
 use crate::{Child, Need, PATIENCE, PrivateIpc, needs};
 
 /// When the fault comes, in s after the start of the motion: before the touch, or well after it.
 pub(super) const FAULT_AT_S: [f64; 2] = [0.15, 0.45];
-/// When the arm touches.
-const TOUCH_AT_S: &str = "0.2";
 /// Duration of the motion in free motion, at a fifth of the speed: it does not reach the surface.
 pub(super) const FREE_MOTION_S: f64 = 0.7;
 /// How long the arm is watched at least before the recovery.
@@ -29,7 +23,8 @@ const WATCHED: Duration = Duration::from_millis(350);
 const STANDSTILL_AFTER: Duration = Duration::from_millis(150);
 const POLL: Duration = Duration::from_millis(1);
 
-/// The processes of a row and what is seen of them. Fields are dropped in this order: the place last.
+/// The processes of a row and what is seen of them. Fields are dropped in this order: the place
+/// last.
 pub(super) struct Stage<'a> {
     pub(super) row: &'a Row,
     pub(super) situation: Situation,
@@ -54,7 +49,7 @@ pub(super) struct Instants {
     pub(super) recovery: u64,
 }
 
-/// A run that is not what the row says.
+/// How a run differs from its row.
 pub(super) type Wrong = String;
 
 /// Runs the row, again where a busy machine disturbed it; the figures are for a person.
@@ -87,74 +82,6 @@ pub fn run(row: &Row, situation: Situation) -> String {
     }
     println!("SKIPPED: machine too busy for {} in {}: disturbed in {TRIES} runs", row.name, situation.name());
     String::new()
-}
-
-/// The daemon's file of a row.
-pub(super) fn daemon_file(row: &Row) -> String {
-    with_keys(MPC_DEFAULT, &[&DAEMON_KEYS[..], row.daemon].concat())
-}
-
-/// The daemon's file without what is wrong in it.
-pub(super) fn sound_daemon_file() -> String {
-    with_keys(MPC_DEFAULT, &DAEMON_KEYS)
-}
-
-/// The scenario of a row.
-pub(super) fn scenario_file(row: &Row, situation: Situation) -> String {
-    scenario(row, situation, row.scenario(situation))
-}
-
-/// The scenario without what is wrong in it.
-pub(super) fn sound_scenario_file(row: &Row, situation: Situation) -> String {
-    scenario(row, situation, &[])
-}
-
-fn scenario(row: &Row, situation: Situation, keys: &[(&str, &str)]) -> String {
-    let line = row.timeline;
-    let (motion, touch) = match situation {
-        Situation::Free => {
-            let speed = line.approach * 0.2;
-            (
-                format!(
-                    "{{ duration_s = {FREE_MOTION_S:?}, twist = [0.0, {:?}] }}, {{ duration_s = 60.0, twist = [0.0, 0.0] }}",
-                    -speed
-                ),
-                // As the scenario's guess stands: 14 cm above the surface.
-                None,
-            )
-        }
-        Situation::Contact => (
-            format!(
-                "{{ duration_s = {:?}, twist = [0.0, {:?}] }}, {{ duration_s = {:?}, twist = [0.016, 0.036] }}, \
-                 {{ duration_s = {:?}, twist = [0.0, 0.0] }}, {{ duration_s = 60.0, twist = [0.0, -0.1] }}",
-                line.press, -line.approach, line.retreat, line.rest
-            ),
-            Some(TOUCH_AT_S),
-        ),
-    };
-    let motion = format!("[{motion}]");
-    let fault = match row.injection {
-        Injection::Scripted(kind) => {
-            let at = FAULT_AT_S[usize::from(situation == Situation::Contact)];
-            format!("[{{ at_s = {at:?}, duration_s = {SCRIPTED_S:?}, kind = \"{kind}\" }}]")
-        }
-        _ => "[]".to_owned(),
-    };
-    let own = [
-        ("motion", motion.as_str()),
-        ("fault", &fault),
-        ("timing.settle_s", "0.05"),
-        ("timing.command_delay_s", "0.001"),
-    ];
-    let mut text = with_keys(PAPER_SCENARIO, &own);
-    if let Some(touch) = touch {
-        text = with_keys(&text, &[("start.contact_time_s", touch)]);
-    } else {
-        let mut table: toml::Table = text.parse().expect("TOML");
-        table["start"].as_table_mut().expect("a section").remove("contact_time_s");
-        text = table.to_string();
-    }
-    with_keys(&text, keys)
 }
 
 impl<'a> Stage<'a> {
@@ -205,7 +132,7 @@ impl<'a> Stage<'a> {
         };
         self.inject()?;
         let watched = Instant::now() + WATCHED;
-        // Something else ends the wait as well: it is told apart below.
+        // Other commands end the wait as well: they are told apart below.
         self.wait(&format!("the commands say {:?}", expected.command), |seen| {
             let found = observe::states(seen.commands_within(fault, u64::MAX));
             observe::agrees(&found, expected) || found.iter().any(|said| !expected.command.contains(said))
@@ -213,6 +140,9 @@ impl<'a> Stage<'a> {
         // The joints coast.
         std::thread::sleep(STANDSTILL_AFTER);
         self.await_newcomer();
+        // The pressing may have ended while a slow machine started it.
+        let is_over = self.situation == Situation::Contact && self.watcher.seen().time() >= self.row.timeline.press;
+        self.too_late |= self.newcomer.is_some() && is_over;
         while Instant::now() < watched {
             std::thread::sleep(POLL);
         }
@@ -222,7 +152,7 @@ impl<'a> Stage<'a> {
         self.end(&command)
     }
 
-    /// Asks both to end, and looks at the whole of it.
+    /// Asks both to end, and checks the whole run.
     fn end(&mut self, before: &CommandSample) -> Result<(), Wrong> {
         observe::check_counts(self, before)?;
         self.daemon.terminate();
@@ -264,48 +194,7 @@ impl<'a> Stage<'a> {
         self.daemon = start_daemon(&self.ipc, &self.config);
     }
 
-    fn inject(&mut self) -> Result<(), Wrong> {
-        match self.row.injection {
-            Injection::Scripted(_) | Injection::FromStart => {}
-            Injection::Signal(who, Signal::Kill) => {
-                self.process(who).signal(libc::SIGKILL);
-                self.process(who).wait_for_exit(PATIENCE);
-            }
-            Injection::Signal(who, Signal::Stop) => self.process(who).signal(libc::SIGSTOP),
-            Injection::Restart => {
-                self.daemon.terminate();
-                let code = self.daemon.wait_for_exit(PATIENCE).code();
-                if code != Some(0) {
-                    return Err(format!("the daemon ends with {code:?}"));
-                }
-                self.start_daemon();
-            }
-            Injection::Start(newcomer) => self.start_newcomer(newcomer)?,
-            Injection::RemoveRoot => {
-                std::fs::remove_dir_all(&self.ipc.settings().root_path).map_err(|error| error.to_string())?;
-                self.newcomer = Some(Child::spawn(&mut ctl_command(&self.ipc, "status", &self.config)));
-            }
-            Injection::Record(disk) => self.record(disk)?,
-            Injection::Request(words) => {
-                let mut command = ctl_command(&self.ipc, words[0], &self.config);
-                let (code, text) = output(command.args(&words[1..]));
-                if code != Some(0) {
-                    return Err(format!("{words:?} ends with {code:?}: {text}"));
-                }
-            }
-            Injection::ReloadText(text) => {
-                write(&self.ipc, "daemon.toml", text);
-                self.reload()?;
-            }
-            Injection::ReloadKeys(keys) => {
-                write(&self.ipc, "daemon.toml", &with_keys(&daemon_file(self.row), keys));
-                self.reload()?;
-            }
-        }
-        Ok(())
-    }
-
-    /// SIGHUP, and what the daemon says to it.
+    /// Sends SIGHUP and waits for the daemon's answer.
     pub(super) fn reload(&mut self) -> Result<(), Wrong> {
         let answers = |log: &str| log.matches("reload: ").count() + log.matches("reload refused: ").count();
         let before = answers(&self.daemon.stderr());
@@ -314,78 +203,9 @@ impl<'a> Stage<'a> {
         Ok(())
     }
 
-    fn other_daemon(&self) -> Command {
-        let mut command = daemon_command(&self.ipc, &self.config);
-        command.args(["--instance", "other"]);
-        command
-    }
-
-    fn start_newcomer(&mut self, newcomer: Newcomer) -> Result<(), Wrong> {
-        let mut command = match newcomer {
-            Newcomer::SameInstance => daemon_command(&self.ipc, &self.config),
-            Newcomer::ForeignSize => return self.start_beside_foreign::<ShortStateSample>(),
-            Newcomer::ForeignVersion => return self.start_beside_foreign::<EarlierStateSample>(),
-            Newcomer::FullSharedMemory => with_mount("/dev/shm", "16m", &self.other_daemon()),
-        };
-        self.newcomer = Some(Child::spawn(&mut command));
-        Ok(())
-    }
-
-    /// This process is the foreign one.
-    fn start_beside_foreign<T: std::fmt::Debug + ZeroCopySend>(&mut self) -> Result<(), Wrong> {
-        let node = self.ipc.settings().node("foreign").map_err(|error| error.to_string())?;
-        let instance = Instance::new("other").map_err(|error| error.to_string())?;
-        let name = ServiceName::new(&services::STATE.service_name(&instance)).map_err(|error| format!("{error:?}"))?;
-        let service = node.service_builder(&name).publish_subscribe::<T>().create();
-        let _service = service.map_err(|error| format!("the foreign service: {error:?}"))?;
-        self.newcomer = Some(Child::spawn(&mut self.other_daemon()));
-        self.await_newcomer();
-        Ok(())
-    }
-
-    fn record(&mut self, disk: Disk) -> Result<(), Wrong> {
-        let directory = self.ipc.directory().join("recordings");
-        let mut command = ctl_command(&self.ipc, "record", &self.config);
-        command.arg(directory.join("contact.mcap"));
-        let mut command = match disk {
-            Disk::Missing => command,
-            Disk::Full => {
-                std::fs::create_dir(&directory).map_err(|error| error.to_string())?;
-                with_mount(&directory.to_string_lossy(), "64k", &command)
-            }
-        };
-        self.newcomer = Some(Child::spawn(&mut command));
-        Ok(())
-    }
-
-    fn await_newcomer(&mut self) {
+    pub(super) fn await_newcomer(&mut self) {
         if let Some(newcomer) = &mut self.newcomer {
             newcomer.wait_for_exit(PATIENCE);
         }
     }
-}
-
-/// The command in a mount namespace of its own, in which a file system of this size is mounted at `place`.
-fn with_mount(place: &str, size: &str, command: &Command) -> Command {
-    let script = "mount -t tmpfs -o \"size=$1\" tmpfs \"$2\" && shift 2 && exec \"$@\"";
-    let mut mounted = Command::new("unshare");
-    mounted.args(["--mount", "--propagation", "private", "--", "sh", "-c", script, "sh", size, place]);
-    mounted.arg(command.get_program()).args(command.get_args());
-    mounted
-}
-
-/// The right name with another size.
-#[repr(C)]
-#[derive(Debug, ZeroCopySend)]
-#[type_name("admittanced.StateSample.v1")]
-struct ShortStateSample {
-    bytes: [u64; 41],
-}
-
-/// The right size of another schema version.
-#[repr(C)]
-#[derive(Debug, ZeroCopySend)]
-#[type_name("admittanced.StateSample.v0")]
-struct EarlierStateSample {
-    bytes: [u64; 42],
 }

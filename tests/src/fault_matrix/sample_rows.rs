@@ -6,7 +6,8 @@ use plant_sim::faults::FaultKind;
 use super::row::{CONTACT, Counter, Expectation, FREE, Force, Injection, Robot, Row, Step, idle, stopped, stopping};
 use super::{by_daemon, row};
 
-/// Samples that don't reach the law: for `max_consecutive_fallbacks` cycles the last plan bridges them, then the arm stops.
+/// Samples that don't reach the law: for `max_consecutive_fallbacks` cycles the last plan bridges
+/// them, then the arm stops.
 fn refused(name: &'static str, fault: &'static str, kind: FaultKind, reason: StopReason, log: &str) -> Row {
     let stop = format!("Stopped: {}", reason.name());
     Row {
@@ -35,8 +36,8 @@ fn refused(name: &'static str, fault: &'static str, kind: FaultKind, reason: Sto
     }
 }
 
-/// The same where the motion controller can't take the answers either: they name a sample that it did not make, or are valid no
-/// longer.
+/// The same where the motion controller can't take the answers either: they name a sample that it
+/// did not make, or are valid no longer.
 fn refused_unanswered(name: &'static str, fault: &'static str, kind: FaultKind, reason: StopReason, log: &str) -> Row {
     let mut row = refused(name, fault, kind, reason, log);
     row.contact.robot = Robot::PlaysPlan;

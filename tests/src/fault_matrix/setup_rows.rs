@@ -1,4 +1,5 @@
-//! Rows about what is configured and commanded: files, the model of the surface, the solver, the motion.
+//! Rows about what is configured and commanded: files, the model of the surface, the solver, the
+//! motion.
 
 use ipc_types::StopReason;
 
@@ -114,7 +115,8 @@ fn motions() -> Vec<Row> {
     vec![
         Row {
             fault: "The commanded motion leads to a singular pose.",
-            // The commanded pose goes on behind the arm's: it must not be the plant that meets the singularity first.
+            // The commanded pose goes on behind the arm's: it must not be the plant that meets the
+            // singularity first.
             daemon: &[("control.minimum_reciprocal_condition", "0.2")],
             scenario: [
                 &[

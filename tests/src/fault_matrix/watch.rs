@@ -1,4 +1,5 @@
-//! The third party: sees commands, records and the plant's truth in shared memory, and nothing else.
+//! An independent observer: sees commands, records and the plant's truth in shared memory, and
+//! nothing else.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +12,7 @@ use ipc_types::{CommandSample, IpcSettings, TruthSample};
 
 use super::row::Said;
 
-/// Between two looks: well below a cycle.
+/// Time between two reads: well below a cycle.
 const POLL: Duration = Duration::from_micros(500);
 
 /// All that was seen, in order.
@@ -19,7 +20,8 @@ const POLL: Duration = Duration::from_micros(500);
 pub(super) struct Seen {
     /// The plant's truth.
     pub(super) truths: Vec<TruthSample>,
-    /// Every command by its stamp (ns) and boot id: those that were read in time, and those that records tell of.
+    /// Every command by its stamp (ns) and boot id: those that were read in time, and those that
+    /// records tell of.
     pub(super) commands: BTreeMap<(u64, u64), CommandSample>,
 }
 
@@ -56,7 +58,8 @@ impl Seen {
     }
 }
 
-/// Threads that watch until this is dropped: one, and another one for each time that the services were made anew.
+/// Threads that watch until this is dropped: one, and another one for each time that the services
+/// were made anew.
 #[derive(Debug)]
 pub(super) struct Watcher {
     seen: Arc<Mutex<Seen>>,

@@ -1,7 +1,7 @@
-//! How a contact ends, in virtual time: by a commanded retreat, by a touch that never was one, and against the law. The paper's
-//! arm and surface unless a test says otherwise.
+//! How a contact ends, in virtual time: by a commanded retreat, after a false touch, and against
+//! the law's intent. The paper's arm and surface unless a test says otherwise.
 
-use admittanced::config::OnContactLostName::{Continue, Stop};
+use admittance_runner::config::OnContactLostName::{Continue, Stop};
 use end_to_end::closed_loop::{Experiment, NORMAL, Run};
 use ipc_types::{Mode, StopReason};
 
@@ -75,7 +75,8 @@ fn lifted_off(run: &Run, speed: f64, at: &str) {
 
 #[test]
 fn leaves_although_the_estimate_still_shows_the_force() {
-    // After the true force has gone, f̂ decays with T_est: at 30 ms a press of 50 N shows above 3 N for 80 ms more.
+    // After the true force has gone, f̂ decays with T_est: at 30 ms a press of 50 N shows above 3 N
+    // for 80 ms more.
     let mut experiment = press_and_retract(0.004, 0.03, 0.8);
     experiment.config.contact.normal_force_reference_n = 50.0;
     let run = experiment.run();
@@ -94,7 +95,8 @@ fn leaves_although_the_estimate_still_shows_the_force() {
     assert!(slowest > 0.2, "held back by a force that is gone: {slowest} m/s");
 }
 
-/// A surface that is believed 0.3 mm above where it is: what is believed to be the lower bound is 16 µm in the air.
+/// A surface that is believed 0.3 mm above where it is: what is believed to be the lower bound is
+/// 16 µm in the air.
 fn believed_above(sampling_time: f64, speed: f64) -> Experiment {
     let mut experiment = Experiment::paper(sampling_time, speed);
     let point = experiment.config.environment.contact_point_m.as_mut().expect("configured");
@@ -125,7 +127,8 @@ fn a_contact_that_reached_the_minimum_force_and_is_lost_stops_or_is_counted() {
 #[test]
 fn a_light_touch_that_never_reaches_the_minimum_force_does_not_stop() {
     for on_contact_lost in [Stop, Continue] {
-        // At 0.5 mm/s the force grows by 45 N/s: the law backs out, to where it believes 14 N, before f̂ has got from 5 N to 6 N.
+        // At 0.5 mm/s the force grows by 45 N/s: the law backs out, to where it believes 14 N,
+        // before f̂ has got from 5 N to 6 N.
         let mut experiment = believed_above(0.001, 0.0005);
         experiment.config.contact.on_contact_lost = on_contact_lost;
         let run = experiment.run();

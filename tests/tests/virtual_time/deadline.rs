@@ -1,5 +1,5 @@
-//! The deadline in virtual time: a solver that is cut short where the test says, and the exact sequence of answers that has to
-//! come instead. A clock has no part in it.
+//! The deadline in virtual time: a solver that is cut short where the test says, and the exact
+//! sequence of answers that has to come instead. No clock is involved.
 
 use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
 use ipc_types::{CommandSample, Mode, Motion, Source, StateSample, StopReason};
@@ -14,15 +14,16 @@ fn experiment() -> Experiment {
     experiment
 }
 
-/// A run in which the solver's time is up when it asks for the `asked`th time about any of `count` samples from `first` on.
+/// A run in which the law finds time left `asked` times, and none from then on, for each of `count`
+/// samples from `first` on.
 fn cut_short(experiment: &Experiment, first: usize, count: usize, asked: u32) -> Run {
     let mut index = 0;
     let mut last = 0;
-    let expired = |state: &StateSample, times: u32| {
+    let expired = |state: &StateSample, times: u64| {
         if state.sequence != last {
             (index, last) = (state.sequence as usize - 1, state.sequence);
         }
-        (first..first + count).contains(&index) && times >= asked
+        (first..first + count).contains(&index) && times > u64::from(asked)
     };
     experiment.run_in_time(|_, _| {}, expired)
 }
@@ -36,7 +37,7 @@ fn first_contact(run: &Run) -> usize {
     run.instants.iter().position(|at| source(at) == Source::Mpc.code()).expect("a run into contact")
 }
 
-/// What `plan` planned for the sample so many cycles after its own.
+/// What `plan` planned for the sample `cycles` after its own.
 fn planned(plan: &CommandSample, cycles: usize) -> [f64; 6] {
     let elapsed = cycles as u64 * (SAMPLING_TIME_S * 1e9) as u64;
     let steps = plan.plan_length as usize;
@@ -72,7 +73,8 @@ fn the_answer_is_the_plan_until_the_mpc_ends_in_time() {
                     assert_eq!((source(next), next.command.fallback_count), (Source::Mpc.code(), 1));
                     expired += 1;
                 }
-                // What an unfinished iterate leaves behind must not reach an answer: this one is as if nobody had asked.
+                // An unfinished iterate must not affect an answer: this one is as if the solver had
+                // not begun.
                 None => {
                     assert_eq!(at.command, answered.command, "cycle {cycle}, cut at {asked}");
                     ended += 1;
@@ -101,12 +103,12 @@ fn the_last_plan_goes_on_by_elapsed_time_and_then_the_arm_stops() {
                 assert_eq!(at.command.fallback_count, late as u64 + 1, "{what}");
                 let stops = late == max as usize;
                 let (mode, reason) = if stops {
-                    (Mode::Stopping, StopReason::FallbackExhausted)
+                    (Mode::Stopping, StopReason::FallbackExhausted.code())
                 } else {
-                    (Mode::Contact, StopReason::None)
+                    (Mode::Contact, StopReason::NONE)
                 };
                 assert!(at.is_in(mode), "{what}: mode {}", at.command.mode);
-                assert_eq!(at.command.stop_reason, reason.code(), "{what}");
+                assert_eq!(at.command.stop_reason, reason, "{what}");
             }
             let next = &run.instants[first + count];
             if count <= max as usize {
@@ -176,8 +178,8 @@ fn a_stop_without_any_answer_is_over_after_its_timeout() {
     );
 }
 
-/// A solver for which every iteration takes a share of the budget: which cycles end in time follows from how much they have to
-/// do.
+/// A solver for which every iteration takes a share of the budget: which cycles end in time follows
+/// from how much they have to do.
 #[test]
 fn a_slow_solver_answers_what_it_can() {
     let experiment = experiment();
@@ -186,7 +188,8 @@ fn a_slow_solver_answers_what_it_can() {
     let quiet = experiment.run();
     let first = quiet.instants[first_contact(&quiet)].report.iterations;
     for iterations in [0, first / 2, first - 1, first, 1000] {
-        let run = experiment.run_in_time(|_, _| {}, |_, asked| asked > iterations);
+        // The law asks once before the solver begins, then before every iteration.
+        let run = experiment.run_in_time(|_, _| {}, |_, asked| asked > u64::from(iterations) + 1);
         let mut row = 0;
         let mut by_mpc = 0;
         let mut fallbacks = 0;

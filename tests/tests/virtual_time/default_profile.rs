@@ -1,6 +1,7 @@
-//! The default profile on the paper's arm in virtual time: safe at speed at every instant of contact, at the minimum force
-//! while sliding, with and without command delay, and with a force set point. Joint speeds are limited to 3 rad/s,
-//! f_max is 200 N per axis. Expected figures: DESIGN section 3, facts 3 and 5.
+//! The default profile on the paper's arm in virtual time: safe at speed at every instant of
+//! contact, at the minimum force while sliding, with and without command delay, and with a force
+//! set point. Joint speeds are limited to 3 rad/s, f_max is 200 N per axis. Expected figures:
+//! docs/design.md, "A verdict that can be trusted" and "A faster cycle buys speed".
 
 use end_to_end::closed_loop::{Experiment, NORMAL, Run};
 
@@ -8,14 +9,14 @@ use end_to_end::closed_loop::{Experiment, NORMAL, Run};
 const INSTANTS: u32 = 16;
 /// f_max in N, and what the linear model may miss of it.
 const MOST: f64 = 200.0 + 0.5;
-/// On the plane 6 N on x are so much along the normal: the lower bound.
+/// On the plane 6 N on x correspond to this force along the normal: the lower bound.
 const LEAST: f64 = 6.0 / NORMAL[0];
 
 fn assert_within(what: &str, value: f64, expected: f64, by: f64) {
     assert!((value - expected).abs() <= by, "{what} = {value}, expected {expected} ± {by}");
 }
 
-/// Smallest and largest of what was seen.
+/// Smallest and largest of the values seen.
 #[derive(Debug, Clone, Copy)]
 struct Range(f64, f64);
 

@@ -1,7 +1,7 @@
-//! The detected contact point in virtual time, beside the pose at which f̂ passes β: over instants of contact, sampling times,
-//! lags of the estimate and speeds, without noise and with.
+//! The detected contact point in virtual time, beside the pose at which f̂ passes β: over instants
+//! of contact, sampling times, lags of the estimate and speeds, without noise and with.
 
-use admittanced::config::ContactPointName;
+use admittance_runner::config::ContactPointName;
 use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
 
 /// Where the plant's surface is.
@@ -22,8 +22,8 @@ fn error(at: &Instant) -> f64 {
     (0..2).map(|axis| NORMAL[axis] * (at.contact_point[axis] - SURFACE[axis])).sum()
 }
 
-/// What activation showed: the error of the pose at the crossing of β, and of the detected point then and some cycles later,
-/// m; the force then, N. `None` when the contact was not noticed.
+/// What activation showed: the error of the pose at the crossing of β, and of the detected point
+/// then and some cycles later, m; the force then, N. `None` when the contact was not noticed.
 fn found(run: &Run) -> Option<(f64, f64, f64, f64)> {
     let noticed = run.instants.iter().position(|at| at.command.active_axes != 0)?;
     let (first, later) = (&run.instants[noticed], &run.instants[noticed + CYCLES_AFTER]);
@@ -85,7 +85,7 @@ fn without_noise_the_point_is_found_within_20_micrometres() {
 fn a_detected_point_keeps_the_limit_and_the_contact() {
     for (sampling_time, speed) in [(0.004, 0.3), (0.001, 0.6)] {
         let mut experiment = detecting(sampling_time, 0.02, speed).with_motion(&[(0.8, &[0.0, -speed])]);
-        // Where the guard on the mismatch would be off for a cycle it would stop the arm.
+        // If the mismatch guard were wrong for one cycle it would stop the arm.
         experiment.config.stopping.mismatch_n = Some(20.0);
         let mut peak = 0.0_f64;
         experiment.at_instants(16, |share, run| {

@@ -1,5 +1,5 @@
-//! Limits of joints and offset as constraints of the optimisation, in virtual time: each is reached in some cycle and kept by
-//! every plan, so that nothing is left for a clamp after the law.
+//! Limits of joints and offset as constraints of the optimisation, in virtual time: each is reached
+//! in some cycle and kept by every plan, so that nothing is left for a clamp after the law.
 
 use admittance_core::robot::right_inverse;
 use end_to_end::closed_loop::{Experiment, Instant, Run};
@@ -17,7 +17,8 @@ fn planned(run: &Run) -> impl Iterator<Item = (&Instant, [f64; 6])> {
         .filter(|(at, _)| at.is_in(Mode::Contact) && at.command.source == Source::Mpc.code())
 }
 
-/// Holds every plan's distances (limit minus value) against zero: none below, some at it; and nothing was cut afterwards.
+/// Holds every plan's distances (limit minus value) against zero: none below, some at it; and
+/// nothing was cut afterwards.
 fn hit_and_held(what: &str, run: &Run, distance: impl Fn(&Instant, [f64; 6]) -> f64) {
     let distances: Vec<f64> = planned(run).map(|(at, before)| distance(at, before)).collect();
     let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
@@ -44,7 +45,8 @@ fn references(experiment: &Experiment, at: &Instant) -> Vec<(Vector2<f64>, f64)>
     at.plan().map(|(offset, length)| (inverse.joint_velocity(&twist(offset)), length)).collect()
 }
 
-/// Joint positions at the end of every step of a plan: the joint loops (4) are linear, so this is exact.
+/// Joint positions at the end of every step of a plan: the joint loops (4) are linear, so this is
+/// exact.
 fn positions(experiment: &Experiment, at: &Instant) -> Vec<Vector2<f64>> {
     let lags = &experiment.config.robot.velocity_time_constant_s;
     let mut q = Vector2::from_column_slice(&at.state.joint_position[..2]);
@@ -78,7 +80,8 @@ fn joint_speed() {
 
 #[test]
 fn joint_position() {
-    // Sliding downhill turns joint 1 down and stretches the arm: either joint meets its limit after about half a second.
+    // Sliding downhill turns joint 1 down and stretches the arm: either joint meets its limit after
+    // about half a second.
     for (name, joint, limit, sign) in [("least q1", 0, 1.15, -1.0), ("largest q2", 1, -1.425, 1.0)] {
         let mut experiment = Experiment::paper(0.004, 0.2);
         let (mut min, mut max) = (vec![-3.0, -3.0], vec![3.0, 3.0]);

@@ -1,5 +1,5 @@
-//! The daemon's cycle against the plant in virtual time, sample by sample: one program, since each of its own would be linked
-//! with both.
+//! The daemon's cycle against the plant in virtual time, sample by sample: one program, since each
+//! of its own would be linked with both.
 
 mod contact_ends;
 mod deadline;

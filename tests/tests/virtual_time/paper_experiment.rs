@@ -1,12 +1,14 @@
-//! The paper's experiment (section IV) in virtual time: the daemon's cycle against the plant, sample by sample, at 64
-//! instants of contact within the sample. Expected figures: DESIGN section 3, facts 1 and 2, from prototypes of their own.
+//! The paper's experiment (section IV) in virtual time: the daemon's cycle against the plant,
+//! sample by sample, at 64 instants of contact within the sample. Expected figures: docs/design.md,
+//! "The paper's figures", from prototypes that share no code with this.
 
 use admittance_host::config::parse;
-use admittanced::config::Config;
-use admittanced::cycle;
+use admittance_judge::clarabel_solver::{ClarabelSettings, ClarabelSolver};
+use admittance_runner::config::Config;
+use admittance_runner::cycle::{self, Cycle};
+use admittance_runner::virtual_time::{Step, VirtualTime};
 use end_to_end::closed_loop::MPC_DEFAULT;
-use end_to_end::session::with_keys;
-use ipc_types::{CommandSample, Verdict};
+use ipc_types::{Motion, StopReason, Verdict};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 use plant_sim::summary::Summary;
@@ -34,20 +36,23 @@ struct Run {
     infeasible: u64,
 }
 
-fn run(config: &str, scenario: &Scenario) -> Run {
-    let mut config: Config = parse(config, "controller.toml").expect("the shipped config is valid");
+fn controller(text: &str, scenario: &Scenario) -> Config {
+    let mut config: Config = parse(text, "controller.toml").expect("the shipped config is valid");
     config.control.command_delay_s = scenario.timing.command_delay_s;
-    let mut cycle = cycle::build(&config).expect("the config describes a controller");
-    let mut plant = VirtualRun::new(scenario).expect("the scenario can be set up");
+    config
+}
+
+/// All steps of the scenario.
+fn steps(cycle: Box<dyn Cycle>, scenario: &Scenario) -> Vec<Step> {
+    let plant = VirtualRun::new(scenario).expect("the scenario can be set up");
+    VirtualTime::new(cycle, plant).run().expect("the plant publishes every sample and takes every command")
+}
+
+fn run(cycle: Box<dyn Cycle>, scenario: &Scenario) -> Run {
     let mut summary = Summary::of_scenario(scenario);
-    let mut command = CommandSample::zeroed();
     let (mut infeasible, mut forces) = (0, Vec::new());
-    while !plant.is_finished() {
-        let state = *plant.sample().expect("no fault drops samples");
-        cycle.answer(&state, state.stamp_ns, &mut || false, &mut command);
-        command.sequence += 1;
+    for Step { command, truth, .. } in steps(cycle, scenario) {
         infeasible += u64::from(command.verdict == Verdict::Infeasible.code());
-        let truth = plant.advance(Some(&command)).expect("the plant takes every command");
         forces.push([truth.wrench[0], truth.wrench[1]]);
         summary.add(&truth);
     }
@@ -60,7 +65,9 @@ fn at_all_instants(name: &str, config: &str, claims: impl Fn(&Run)) {
     let mut peaks = (f64::INFINITY, 0.0_f64);
     let mut last = None;
     for instant in 0..INSTANTS {
-        let run = run(config, &scenario(f64::from(instant) / f64::from(INSTANTS)));
+        let scenario = scenario(f64::from(instant) / f64::from(INSTANTS));
+        let cycle = cycle::build(&controller(config, &scenario)).expect("the config describes a controller");
+        let run = run(cycle, &scenario);
         claims(&run);
         let peak = run.summary.peak_force_y_n;
         peaks = (peaks.0.min(peak), peaks.1.max(peak));
@@ -133,25 +140,20 @@ fn high_damping_exceeds_the_limit() {
 
 #[test]
 fn limits_that_contradict_each_other_are_a_latched_stop_and_the_arm_is_held() {
-    // The paper bounds no input, so one axis alone is never infeasible. On this plane f_x = f_y tan 25°: at least 100 N
-    // in x is at least 214 N in y.
+    // The paper bounds no input, so one axis alone is never infeasible. On this plane f_x = f_y tan
+    // 25°: at least 100 N in x is at least 214 N in y.
     let mut config: Config = parse(MPC_PAPER, "controller.toml").expect("valid");
     config.contact.minimum_force[0] = 100.0;
     let expected_shortfall = (100.0 / 25f64.to_radians().tan() - 200.0).min(100.0 - 200.0 * 25f64.to_radians().tan());
-    let mut cycle = cycle::build(&config).expect("a controller");
-    let mut plant = VirtualRun::new(&scenario(0.5)).expect("a plant");
-    let mut command = CommandSample::zeroed();
+    let cycle = cycle::build(&config).expect("a controller");
     let mut infeasible = None;
-    while !plant.is_finished() {
-        let state = *plant.sample().expect("published");
-        cycle.answer(&state, state.stamp_ns, &mut || false, &mut command);
-        command.sequence += 1;
+    for Step { state, command, .. } in steps(cycle, &scenario(0.5)) {
         if command.verdict == Verdict::Infeasible.code() {
             infeasible.get_or_insert(command);
         }
         if let Some(first) = &infeasible {
-            assert_eq!(command.motion, ipc_types::Motion::Hold.code(), "latched at sample {}", state.sequence);
-            assert_eq!(command.stop_reason, ipc_types::StopReason::Infeasible.code());
+            assert_eq!(command.motion, Motion::Hold.code(), "latched at sample {}", state.sequence);
+            assert_eq!(command.stop_reason, StopReason::Infeasible.code());
             let shortfall = -first.verdict_margin;
             assert!(
                 shortfall > 0.1 && shortfall <= expected_shortfall,
@@ -159,7 +161,6 @@ fn limits_that_contradict_each_other_are_a_latched_stop_and_the_arm_is_held() {
             );
             assert!(first.verdict_time_s > 0.0);
         }
-        plant.advance(Some(&command)).expect("accepted");
     }
     assert!(infeasible.is_some(), "both axes were never in contact");
 }
@@ -167,11 +168,15 @@ fn limits_that_contradict_each_other_are_a_latched_stop_and_the_arm_is_held() {
 #[test]
 fn forces_do_not_depend_on_the_solver() {
     // Clarabel as exact as it gets; what is left is its own tolerance, carried on by the loop.
-    let keys = [("mpc.solver", "\"clarabel\""), ("mpc.solver_tolerance", "1e-10"), ("mpc.max_iterations", "200")];
-    for (name, config) in [("paper", MPC_PAPER), ("default", MPC_DEFAULT)] {
+    let settings = ClarabelSettings { tolerance: 1e-10, max_iterations: 200 };
+    for (name, text) in [("paper", MPC_PAPER), ("default", MPC_DEFAULT)] {
         for phase in [0.1, 0.6] {
             let scenario = scenario(phase);
-            let (own, reference) = (run(config, &scenario), run(&with_keys(config, &keys), &scenario));
+            let mut config = controller(text, &scenario);
+            let own = run(cycle::build(&config).expect("a controller"), &scenario);
+            config.mpc.solver_tolerance = settings.tolerance;
+            let judge = cycle::build_with(&config, None, |_| ClarabelSolver::new(settings)).expect("a controller");
+            let reference = run(judge, &scenario);
             assert_eq!(own.forces.len(), reference.forces.len());
             let differences = own.forces.iter().flatten().zip(reference.forces.iter().flatten());
             let most = differences.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));

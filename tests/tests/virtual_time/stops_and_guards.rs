@@ -1,9 +1,9 @@
-//! Stops of the default profile in virtual time: an infeasible contact, from the verdict to the next touch; and the guards that
-//! do not trust the model.
+//! Stops of the default profile in virtual time: an infeasible contact, from the verdict to the
+//! next touch; and the guards that do not trust the model.
 
-use admittanced::config::OnInfeasibleName;
+use admittance_runner::config::OnInfeasibleName;
 use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
-use ipc_types::{CommandSample, Mode, Motion, StopReason};
+use ipc_types::{CommandSample, Mode, Motion, StopReason, VirtualPlant};
 use nalgebra::Vector2;
 use plant_sim::run::VirtualRun;
 
@@ -18,8 +18,8 @@ fn first_in(run: &Run, mode: Mode) -> Option<&Instant> {
     run.instants.iter().find(|at| at.is_in(mode))
 }
 
-/// Peak of |f_y| in N with every joint at its speed limit, outward, from the first sample on that passes β: what no law can be
-/// below by much.
+/// Peak of |f_y| in N with every joint at its speed limit, outward, from the first sample on that
+/// passes β: what no law can be below by much.
 fn attainable(experiment: &Experiment) -> f64 {
     let chain = experiment.config.robot.chain::<2>().expect("the planar arm");
     let most = Vector2::from_column_slice(experiment.config.limits.joint_speed_rad_s.as_ref().expect("limited"));
@@ -138,7 +138,7 @@ fn after_a_stop_the_arm_retreats_is_reset_and_touches_again() {
     experiment = experiment.with_motion(&[(0.4, &[0.0, -0.6]), (0.5, &out), (0.1, &[0.0, 0.0]), (1.0, &[0.0, -0.1])]);
     let (mut refused, mut was_reset) = (0, false);
     let run = experiment.run_with(|cycle, _| {
-        if cycle.mode() != admittance_core::mode::Mode::Stopped || was_reset {
+        if cycle.mode() != Mode::Stopped || was_reset {
             return;
         }
         // A person keeps asking; while pushing on or pressing it is refused.
@@ -156,14 +156,15 @@ fn after_a_stop_the_arm_retreats_is_reset_and_touches_again() {
     assert!(again[free..].iter().any(|at| at.is_in(Mode::Contact)), "it touches again");
     let second = again[free..].iter().map(|at| at.truth.peak_normal_force_n).fold(0.0, f64::max);
     assert!(run.last().is_in(Mode::Contact) && second <= 200.0, "second peak {second} N");
-    assert_eq!(run.last().command.stop_reason, StopReason::None.code());
+    assert_eq!(run.last().command.stop_reason, StopReason::NONE);
     assert!((run.settled_normal() - 6.0 / NORMAL[0]).abs() < 0.5, "settled at {} N", run.settled_normal());
 }
 
 #[test]
 fn a_contact_point_that_is_a_millimetre_off_is_a_disagreement() {
     for sign in [1.0, -1.0] {
-        // Faster, a point believed too high is infeasible before it is a disagreement for three cycles.
+        // Faster, a point believed too high is infeasible before it is a disagreement for three
+        // cycles.
         let mut experiment = Experiment::paper(0.004, 0.1);
         let point = experiment.config.environment.contact_point_m.as_mut().expect("configured");
         for axis in 0..2 {
@@ -180,7 +181,8 @@ fn a_contact_point_that_is_a_millimetre_off_is_a_disagreement() {
     }
 }
 
-/// A surface believed 4 mm deeper than it is, without the guard on the mismatch: the model sees no force.
+/// A surface believed 4 mm deeper than it is, without the guard on the mismatch: the model sees no
+/// force.
 fn believed_4_mm_deeper() -> Experiment {
     let mut experiment = Experiment::paper(0.004, 0.25);
     let point = experiment.config.environment.contact_point_m.as_mut().expect("configured");

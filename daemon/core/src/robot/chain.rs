@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 
+use crate::quantities::{component, on_task_axes};
+
 /// One revolute joint: where it sits on its parent link and what it turns about.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
@@ -9,7 +11,8 @@ pub struct Joint {
     pub origin: Vector3<f64>,
     /// Orientation of the joint frame in the parent's frame at q = 0.
     pub rotation: Matrix3<f64>,
-    /// Axis of rotation in the joint frame; made a unit vector by [`Chain::new`]. Positive q turns right-handed about it.
+    /// Axis of rotation in the joint frame; made a unit vector by [`Chain::new`]. Positive q turns
+    /// right-handed about it.
     pub axis: Vector3<f64>,
 }
 
@@ -23,13 +26,13 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The first D components of Ψ(self) − Ψ(reference): position difference in m, then the rotation vector in rad that
-    /// turns `reference` into `self`, in the base frame.
+    /// The first D components of Ψ(self) − Ψ(reference): position difference in m, then the
+    /// rotation vector in rad that turns `reference` into `self`, in the base frame.
     pub fn difference<const D: usize>(&self, reference: &Self) -> SVector<f64, D> {
         let translation = self.position - reference.position;
         let turn = Rotation3::from_matrix_unchecked(self.rotation * reference.rotation.transpose());
         let rotation = UnitQuaternion::from_rotation_matrix(&turn).scaled_axis();
-        SVector::from_fn(|axis, _| if axis < 3 { translation[axis] } else { rotation[axis - 3] })
+        on_task_axes(&translation, &rotation)
     }
 }
 
@@ -64,7 +67,8 @@ pub enum ChainError {
         /// Index of the joint, from 0.
         joint: usize,
     },
-    /// An origin or rotation of this joint (or of the tool, `None`) is not finite or not a rotation.
+    /// An origin or rotation of this joint (or of the tool, `None`) is not finite or not a
+    /// rotation.
     Frame {
         /// Index of the joint, from 0; `None` is the tool.
         joint: Option<usize>,
@@ -142,7 +146,7 @@ impl<const N: usize> Chain<N> {
         rotation *= self.tool.rotation;
         let jacobian = SMatrix::from_fn(|row, joint| {
             let linear = axes[joint].cross(&(position - origins[joint]));
-            if row < 3 { linear[row] } else { axes[joint][row - 3] }
+            component(&linear, &axes[joint], row)
         });
         Kinematics { pose: Pose { position, rotation }, jacobian }
     }

@@ -1,10 +1,34 @@
-//! The arm: serial chains of revolute joints, their forward kinematics Ψ(q), Jacobian J(q) and its inverse.
+//! The arm: a serial chain of revolute joints, its forward kinematics Ψ(q), Jacobian J(q) and
+//! J⁻¹(q).
 //!
-//! Frames: everything is expressed in the base frame; the tool centre point (TCP) is the chain's last frame.
-//! Task axes: the first D of [x, y, z, rx, ry, rz]; D = 2 for a planar arm (x, y), D = 6 for a spatial one.
+//! Everything is expressed in the base frame; the tool centre point (TCP) is the chain's last
+//! frame.
+//!
+//! ```
+//! use admittance_core::robot::{Chain, Joint, Pose, Posture};
+//! use nalgebra::{Matrix3, Vector2, Vector3};
+//!
+//! let frame = |x| Pose { position: Vector3::new(x, 0.0, 0.0), rotation: Matrix3::identity() };
+//! let identity = Matrix3::identity();
+//! let joint = |x| Joint { origin: frame(x).position, rotation: identity, axis: Vector3::z() };
+//! // Two links of 1 m in a plane, the elbow bent by a right angle.
+//! let chain = Chain::new([joint(0.0), joint(1.0)], frame(1.0))?;
+//! let posture = Posture::<2, 2>::new(&chain, &Vector2::new(0.0, std::f64::consts::FRAC_PI_2));
+//! assert!((posture.pose().position - Vector3::new(1.0, 1.0, 0.0)).norm() < 1e-12);
+//! let inverse = posture.inverse(0.05).expect("far from singular");
+//! let up = inverse.joint_velocity(&Vector2::new(0.0, 0.1));
+//! assert!((posture.jacobian() * up - Vector2::new(0.0, 0.1)).norm() < 1e-12);
+//! # Ok::<(), admittance_core::robot::ChainError>(())
+//! ```
 
+mod arms;
 mod chain;
-mod redundancy;
+mod inverse;
+mod limits;
+mod posture;
 
+pub use arms::SUPPORTED_ARMS;
 pub use chain::{Chain, ChainError, Joint, Kinematics, Pose, rotation_from_rpy};
-pub use redundancy::{InverseJacobian, Singular, right_inverse};
+pub use inverse::{InverseJacobian, Singular, right_inverse};
+pub use limits::{Interval, MotionLimits};
+pub use posture::Posture;

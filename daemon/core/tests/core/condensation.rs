@@ -3,10 +3,11 @@
 use crate::common::problems::{
     DISCRETIZATIONS, Numbers, Problem, SLACK_UNIT, SLACKS, Shape, cases, largest, order, shapes, workspace,
 };
-use admittance_core::condensation::{MpcRows, condense};
-use admittance_core::plan::MAX_STEPS;
+use admittance_core::mpc::condensation::{MpcRows, condense};
+use admittance_core::output::MAX_STEPS;
 
-/// What [`condense`] wrote, in the order of time: column a + m·k is input a of step k, and the last one the slack.
+/// What [`condense`] wrote, in the order of time: column a + m·k is input a of step k, and the last
+/// one the slack.
 struct Condensed {
     /// n×n.
     hessian: Vec<Vec<f64>>,
@@ -28,7 +29,8 @@ fn condensed<const N: usize, const D: usize, const M: usize>(problem: &Problem<N
     }
 }
 
-/// Half of (18a) under the inputs `z`, in the order of time, by simulation; with the price of the slack.
+/// Half of (18a) under the inputs `z`, in the order of time, by simulation; with the price of the
+/// slack.
 fn cost<const N: usize, const D: usize>(problem: &Problem<N, D>, z: &[f64]) -> f64 {
     let p = &problem.prediction;
     let (on_position, on_velocity, on_wrench) = problem.weights();

@@ -3,10 +3,10 @@
 use crate::common::problems::{
     Numbers, Point, Problem, SLACK_UNIT, SLACKS, Shape, first_reached, largest, order, shapes, workspace,
 };
-use admittance_core::condensation::{MpcRows, condense};
-use admittance_core::constraints::{Row, RowKind, Softened};
-use admittance_core::plan::MAX_STEPS;
-use admittance_core::qp::{LANES, Rows, padded};
+use admittance_core::mpc::condensation::{MpcRows, condense};
+use admittance_core::mpc::constraints::{Row, RowKind, Softened};
+use admittance_core::mpc::qp::{LANES, Rows, padded};
+use admittance_core::output::MAX_STEPS;
 
 /// A quantity that a row bounds, in the row's unit.
 struct Bounded {
@@ -16,7 +16,8 @@ struct Bounded {
     upper: f64,
 }
 
-/// Everything that is bounded under the inputs `z`, in the order of time, by simulation; in the order of the rows.
+/// Everything that is bounded under the inputs `z`, in the order of time, by simulation; in the
+/// order of the rows.
 fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D>, z: &[f64]) -> Vec<Bounded> {
     let (p, steps) = (&problem.prediction, &shape.steps);
     let (c, h) = (&p.constraints, steps.len());
@@ -204,7 +205,7 @@ fn rows_are_those_of_the_simulated_trajectory() {
         }
     }
     let longest = Shape {
-        discretization: admittance_core::model::Discretization::Euler,
+        discretization: admittance_core::mpc::model::Discretization::Euler,
         steps: vec![0.004; MAX_STEPS],
         inputs: 6,
         by_task: false,

@@ -1,10 +1,11 @@
-//! Jumps of the measured joint position: refused however long they last, and missed samples are none.
+//! Jumps of the measured joint position: refused however long they last; missed samples are not
+//! jumps.
 
-use admittance_core::controller::Event;
-use admittance_core::mode::{Mode, StopReason};
-use admittance_core::outcome::Motion;
-use admittance_core::parameters::Parameters;
-use admittance_core::sample::{Sample, SampleFault};
+use admittance_core::Parameters;
+use admittance_core::intake::Event;
+use admittance_core::intake::{Sample, SampleFault};
+use admittance_core::vocabulary::Motion;
+use admittance_core::vocabulary::{ModeName as Mode, StopReason};
 use nalgebra::Vector2;
 
 use crate::common::{self, PlanarController, active_set, pressing, pushing, step};
@@ -15,7 +16,7 @@ fn limited() -> Parameters<2, 2> {
     parameters
 }
 
-fn with_contact(parameters: Parameters<2, 2>) -> PlanarController<admittance_core::qp::ActiveSet<Vec<f64>>> {
+fn with_contact(parameters: Parameters<2, 2>) -> PlanarController<admittance_core::mpc::qp::ActiveSet<Vec<f64>>> {
     let mut controller = common::controller(parameters, active_set());
     step(&mut controller, &pressing(-100.0, 1));
     assert_eq!(step(&mut controller, &pushing(60.0, 0.05, 2)).mode, Mode::Contact);
@@ -53,8 +54,8 @@ fn a_jump_that_stays_is_never_believed_under_control() {
     assert!(stopped > 3 && outcomes[..=stopped].iter().all(|o| matches!(o.fault, Some(SampleFault::Jump { .. }))));
     assert_eq!(outcomes[stopped].stop_reason, Some(StopReason::SampleInvalid));
     let held = &outcomes[stopped..];
-    assert!(held.iter().all(|o| o.motion == Motion::Hold && o.stop_reason == Some(StopReason::SampleInvalid)));
-    // Held, the arm is where it says: a person may reset.
+    assert!(held.iter().all(|o| o.movement.motion == Motion::Hold && o.stop_reason == Some(StopReason::SampleInvalid)));
+    // While the arm is held its position is accepted: a person may reset.
     assert!(held[1..].iter().all(|outcome| outcome.fault.is_none()));
 }
 

@@ -5,7 +5,8 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::Deserialize;
 use std::f64::consts::PI;
 
-/// Largest difference that rounding explains: metres, radians or entries of a rotation, for arms of a metre or two.
+/// Largest difference that rounding explains: metres, radians or entries of a rotation, for arms of
+/// a metre or two.
 const ROUNDING: f64 = 1e-12;
 
 #[derive(Deserialize)]
@@ -116,7 +117,8 @@ fn check_inverse<const N: usize, const D: usize>() {
     }
 }
 
-/// At a singular pose, and at a distance from it where the reciprocal condition number is below the bound by far.
+/// At a singular pose, and at a distance from it where the reciprocal condition number is below the
+/// bound by far.
 fn check_singular<const N: usize, const D: usize>() {
     let golden = golden();
     let arm = arm(&golden, N);
@@ -194,7 +196,8 @@ fn pose_difference_is_golden_from_the_smallest_turn_to_beyond_half_a_turn() {
     }
 }
 
-/// With rotations whose entries carry no rounding of 1, a small turn keeps its digits: no acos, no 1 − cos.
+/// With rotations whose entries carry no rounding of 1, a small turn keeps its digits: no acos, no
+/// 1 − cos.
 #[test]
 fn small_turns_keep_their_relative_accuracy() {
     let golden = golden();

@@ -1,14 +1,15 @@
-//! Tests of the core, in one program: each of its own would instantiate controller and condensation anew.
+//! Tests of the core, in one program: each of its own would instantiate controller and condensation
+//! anew.
 
 mod common;
 
 mod condensation;
 mod constraint_rows;
-mod contact_plan_mode;
 mod controller;
 mod jump;
 mod kinematics;
 mod model;
+mod quantities;
 mod requests;
 mod sparse_formulation;
 mod stopping;

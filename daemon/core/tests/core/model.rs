@@ -1,7 +1,8 @@
-//! The model (17) against golden/model.json, which an independent script derives by hand with 60 digits.
+//! The model (17) against golden/model.json, which an independent script derives by hand with 60
+//! digits.
 
 use crate::common;
-use admittance_core::model::{Discretization, Model, State, Step};
+use admittance_core::mpc::model::{Discretization, Model, State, Step};
 use nalgebra::{SMatrix, SVector, Vector2};
 use serde::Deserialize;
 
@@ -35,7 +36,8 @@ fn golden() -> Golden {
     serde_json::from_str(include_str!("../golden/model.json")).expect("the golden file is what its script wrote")
 }
 
-/// Every entry within rounding of the largest one in its row, which is what the sum that makes it is rounded to.
+/// Every entry within rounding of the largest one in its row, which is what the sum that makes it
+/// is rounded to.
 fn assert_row(what: &str, found: &[f64], expected: &[f64]) {
     assert_eq!(found.len(), expected.len(), "{what}");
     let scale = expected.iter().fold(0.0_f64, |scale, value| scale.max(value.abs()));
@@ -74,7 +76,8 @@ fn check(golden: &Golden, expected: &GoldenModel) {
     let step: Step<2, 2> =
         Discretization::Euler.step(T_S, &parameters.velocity_time_constant, &parameters.wrench_time_constant);
 
-    // A model without its constant part is linear: A and B come from it exactly, γ from the whole one at the origin.
+    // A model without its constant part is linear: A and B come from it exactly, γ from the whole
+    // one at the origin.
     let linear = Model { wrench_offset: SVector::zeros(), ..model };
     let columns: Vec<_> =
         (0..4 + axes.len()).map(|i| flat(&linear.advance(&step, &unit(i, &axes), &rest), &axes)).collect();
@@ -117,7 +120,8 @@ fn check(golden: &Golden, expected: &GoldenModel) {
         assert_row("K_e J", model.wrench_gradient.column(axis).as_slice(), &expected.force_by_joint[index]);
         let offset = model.linear_wrench(&rest)[axis];
         assert_row("constant part of f_lin", &[offset], &[expected.force_offset[index]]);
-        // A difference of terms a thousand times larger, and K_e times a position known to 1e-16 m: 1e-10 N at best.
+        // A difference of terms a thousand times larger, and K_e times a position known to 1e-16 m:
+        // 1e-10 N at best.
         let here = model.linear_wrench(&q)[axis];
         let bound = ROUNDING * offset.abs() * 10.0;
         assert!(
@@ -174,7 +178,8 @@ fn exponential(a: &SMatrix<f64, 8, 8>) -> SMatrix<f64, 8, 8> {
     (0..6).fold(sum, |power, _| power * power)
 }
 
-/// One step of the continuous model [q; q̇; f̂] under a constant r, by the exponential of its matrix.
+/// One step of the continuous model [q; q̇; f̂] under a constant r, by the exponential of its
+/// matrix.
 fn by_exponential(
     model: &Model<2, 2>,
     joint_lag: &Vector2<f64>,
@@ -183,7 +188,8 @@ fn by_exponential(
     x: &State<2, 2>,
     r: &Vector2<f64>,
 ) -> State<2, 2> {
-    // The state is followed by r, which is constant; without the constant part of f_lin the model is linear.
+    // The state is followed by r, which is constant; without the constant part of f_lin the model
+    // is linear.
     let mut matrix = SMatrix::<f64, 8, 8>::zeros();
     for joint in 0..2 {
         matrix[(joint, 2 + joint)] = 1.0;
@@ -232,7 +238,8 @@ fn the_exact_step_is_the_matrix_exponential() {
             assert_row(&what, found.joint_velocity.as_slice(), expected.joint_velocity.as_slice());
             assert_row(&what, found.wrench.as_slice(), expected.wrench.as_slice());
         }
-        // Without a filter the estimate is f_lin; and so it is, nearly, with one that is fast as nothing.
+        // Without a filter the estimate is f_lin; and so it is, nearly, with one that is fast as
+        // nothing.
         for lag in [0.0, 1e-15] {
             let step: Step<2, 2> = Discretization::Zoh.step(duration, &joint_lag, &Vector2::repeat(lag));
             let found = model.advance(&step, &x, &r);

@@ -1,18 +1,21 @@
-//! What is asked between cycles: control disabled and enabled, and another controller in the place of the one in force.
+//! Requests between cycles: disabling and enabling control, and replacing the controller.
 
-use admittance_core::condensation::Capacity;
-use admittance_core::contact::Thresholds;
-use admittance_core::controller::Controller;
-use admittance_core::mode::{Mode, StopReason};
-use admittance_core::outcome::{Outcome, Source};
-use admittance_core::parameters::{ContactSign, InputSelection, Law, LowerBound, OnInfeasible, Parameters};
-use admittance_core::sample::SampleFault;
-use admittance_core::{EnableRefused, ResetRefused};
-use nalgebra::Vector2;
+use admittance_core::Outcome;
+use admittance_core::Parameters;
+use admittance_core::belief::ContactSign;
+use admittance_core::belief::Thresholds;
+use admittance_core::intake::SampleFault;
+use admittance_core::mpc::{InputSelection, LowerBound};
+use admittance_core::output::Law;
+use admittance_core::supervisor::OnInfeasible;
+use admittance_core::supervisor::{EnableRefused, Ending, ResetRefused};
+use admittance_core::vocabulary::Source;
+use admittance_core::vocabulary::{ModeName as Mode, StopReason};
+use nalgebra::{Vector2, Vector6};
 
 use crate::common::{PlanarController, active_set, controller, parameters, pressing, pushing, step};
-use admittance_core::qp::ActiveSet;
-use admittance_core::sample::Sample;
+use admittance_core::intake::Sample;
+use admittance_core::mpc::qp::ActiveSet;
 
 type Planar = PlanarController<ActiveSet<Vec<f64>>>;
 
@@ -20,11 +23,10 @@ fn with(parameters: Parameters<2, 2>) -> Planar {
     controller(parameters, active_set())
 }
 
-/// A controller of its own parameters, going on where `old` is.
+/// A controller with its own parameters that takes over the state of `old`.
 fn instead(old: &Planar, parameters: Parameters<2, 2>) -> Planar {
-    let storage = vec![0.0; Capacity::new::<2, 2>(parameters.mpc.horizon).storage_len()];
-    let mut new = Controller::new(parameters, active_set(), storage).expect("valid parameters");
-    new.continue_from(old);
+    let mut new = with(parameters);
+    new.take_over(old);
     new
 }
 
@@ -38,9 +40,9 @@ fn stopping_at_a_low_force() -> Parameters<2, 2> {
     parameters.thresholds = Thresholds { release: Vector2::repeat(1.0), ..parameters.thresholds };
     parameters.mpc.minimum_force = Vector2::repeat(2.0);
     parameters.mpc.inputs = InputSelection::All;
-    parameters.mpc.sign = ContactSign::Normal;
+    parameters.sign = ContactSign::Normal;
     parameters.mpc.lower_bound = LowerBound::OnceReached;
-    parameters.mpc.on_infeasible = OnInfeasible::MinimumForceStop;
+    parameters.policy.on_infeasible = OnInfeasible::MinimumForceStop;
     parameters
 }
 
@@ -53,13 +55,13 @@ fn disabled_in_free_motion_is_idle_until_enabled() {
     let mut controller = with(parameters());
     assert_eq!(step(&mut controller, &pressing(-50.0, 1)).mode, Mode::Free);
     assert_eq!(controller.enable(), Ok(false), "it is enabled already");
-    controller.request_stop(StopReason::Disabled);
+    controller.end(Ending::Disabled);
     assert!(!controller.is_enabled());
     for sequence in 2..5 {
         let outcome = step(&mut controller, &pressing(-50.0, sequence));
         assert_eq!((outcome.mode, outcome.stop_reason), (Mode::Idle, Some(StopReason::Disabled)));
     }
-    // What touches is told, and control does not begin.
+    // The arm touches, so control does not begin.
     step(&mut controller, &pressing(60.0, 5));
     let refused = controller.enable();
     assert!(
@@ -77,7 +79,7 @@ fn disabled_in_contact_stops_and_a_reset_leads_to_idle() {
     let mut controller = with(stopping_at_a_low_force());
     step(&mut controller, &pressing(-50.0, 1));
     assert_eq!(step(&mut controller, &pushing(40.0, 0.01, 2)).mode, Mode::Contact);
-    controller.request_stop(StopReason::Disabled);
+    controller.end(Ending::Disabled);
     let mut outcome = step(&mut controller, &pushing(40.0, 0.01, 3));
     let mut sequence = 3;
     while outcome.mode == Mode::Stopping && sequence < 400 {
@@ -98,8 +100,8 @@ fn disabled_in_contact_stops_and_a_reset_leads_to_idle() {
 fn the_end_of_the_daemon_is_final() {
     let mut controller = with(parameters());
     step(&mut controller, &pressing(-50.0, 1));
-    controller.request_stop(StopReason::Shutdown);
-    controller.request_stop(StopReason::Disabled);
+    controller.end(Ending::Shutdown);
+    controller.end(Ending::Disabled);
     assert_eq!(controller.enable(), Err(EnableRefused::Ending));
     let outcome = step(&mut controller, &pressing(-50.0, 2));
     assert_eq!((outcome.mode, outcome.stop_reason), (Mode::Idle, Some(StopReason::Shutdown)));
@@ -109,18 +111,18 @@ fn the_end_of_the_daemon_is_final() {
 fn another_law_in_free_motion_takes_over_at_the_release_rate() {
     // 4 N, which is free motion, over 10 N s/m.
     let free = |sequence| pressing(4.0, sequence);
-    let wanted = -Vector2::from(free(1).wrench) / 10.0;
-    let rate = parameters().limits.release_rate * parameters().timing.sampling_time;
+    let wanted = -free(1).wrench.0.fixed_rows::<2>(0) / 10.0;
+    let rate = parameters().limits.release_rate * parameters().timing.sampling_time.seconds();
     let mut before = with(parameters());
-    assert_eq!(step(&mut before, &free(1)).velocity_offset, Vector2::zeros());
+    assert_eq!(step(&mut before, &free(1)).movement.velocity_offset, Vector2::zeros());
     let mut now = instead(&before, damping(10.0));
     let (mut last, mut cycles) = (Vector2::zeros(), 0);
     while last != wanted {
         cycles += 1;
         let outcome = step(&mut now, &free(1 + cycles));
-        assert_eq!((outcome.mode, outcome.source), (Mode::Free, Source::Damping));
-        assert!(largest_change(&outcome.velocity_offset, &last) <= rate * (1.0 + 1e-12), "cycle {cycles}");
-        last = outcome.velocity_offset;
+        assert_eq!((outcome.mode, outcome.movement.source), (Mode::Free, Source::Damping));
+        assert!(largest_change(&outcome.movement.velocity_offset, &last) <= rate * (1.0 + 1e-12), "cycle {cycles}");
+        last = outcome.movement.velocity_offset;
         assert!(cycles < 100, "{last} does not become {wanted}");
     }
     assert!(cycles > 5, "{cycles} cycles test nothing");
@@ -129,14 +131,14 @@ fn another_law_in_free_motion_takes_over_at_the_release_rate() {
     while last != Vector2::zeros() {
         cycles += 1;
         let outcome = step(&mut back, &free(1 + cycles));
-        assert!(largest_change(&outcome.velocity_offset, &last) <= rate * (1.0 + 1e-12), "cycle {cycles}");
-        last = outcome.velocity_offset;
+        assert!(largest_change(&outcome.movement.velocity_offset, &last) <= rate * (1.0 + 1e-12), "cycle {cycles}");
+        last = outcome.movement.velocity_offset;
         assert!(cycles < 200, "{last} does not become zero");
     }
 }
 
-/// In contact at 150 N with offsets up to `offset` m/s; then, with another force limit, at the same force again. The cycles before
-/// and after.
+/// In contact at 150 N with offsets up to `offset` m/s; then, with another force limit, at the same
+/// force again. The cycles before and after.
 fn limited_anew(limit: f64, offset: f64, inward_rate: Option<f64>) -> [Outcome<2, 2>; 2] {
     let mut parameters = stopping_at_a_low_force();
     parameters.limits.offset = Vector2::repeat(offset);
@@ -147,7 +149,7 @@ fn limited_anew(limit: f64, offset: f64, inward_rate: Option<f64>) -> [Outcome<2
     for sequence in 3..12 {
         before = step(&mut controller, &pushing(150.0, 0.02, sequence));
     }
-    assert_eq!((before.mode, before.source), (Mode::Contact, Source::Mpc), "{before:?}");
+    assert_eq!((before.mode, before.movement.source), (Mode::Contact, Source::Mpc), "{before:?}");
     parameters.mpc.force_limit = Vector2::repeat(limit);
     let mut changed = instead(&controller, parameters);
     [before, step(&mut changed, &pushing(150.0, 0.02, 12))]
@@ -155,41 +157,52 @@ fn limited_anew(limit: f64, offset: f64, inward_rate: Option<f64>) -> [Outcome<2
 
 #[test]
 fn a_force_limit_below_the_force_is_reached_if_that_is_feasible_and_else_stops_at_a_low_force() {
-    let outward = |outcome: &Outcome<2, 2>| crate::common::normal().dot(&outcome.twist_command);
+    let outward = |outcome: &Outcome<2, 2>| crate::common::normal().dot(&outcome.movement.twist_command);
     let [_, after] = limited_anew(60.0, 2.0, None);
-    assert_eq!((after.mode, after.source, after.stop_reason), (Mode::Contact, Source::Mpc, None), "{after:?}");
+    assert_eq!((after.mode, after.movement.source, after.stop_reason), (Mode::Contact, Source::Mpc, None), "{after:?}");
     assert!(outward(&after) > 0.1, "away from the surface: {} m/s", outward(&after));
     // Offsets this small cannot take 90 N away in time.
     let [_, after] = limited_anew(60.0, 0.1, None);
     assert_eq!((after.mode, after.stop_reason), (Mode::Stopping, Some(StopReason::Infeasible)), "{after:?}");
-    assert_eq!(after.source, Source::MinimumForce);
+    assert_eq!(after.movement.source, Source::MinimumForce);
     assert!(outward(&after) > 0.0, "away from the surface: {} m/s", outward(&after));
     let [_, after] = limited_anew(180.0, 0.1, None);
-    assert_eq!((after.mode, after.source, after.stop_reason), (Mode::Contact, Source::Mpc, None), "{after:?}");
+    assert_eq!((after.mode, after.movement.source, after.stop_reason), (Mode::Contact, Source::Mpc, None), "{after:?}");
 }
 
 #[test]
 fn a_raised_force_limit_moves_the_offset_by_its_rate_at_most() {
     let rate = 2.0;
     let [before, after] = limited_anew(400.0, 2.0, Some(rate));
-    let inward = -(after.velocity_offset - before.velocity_offset);
-    let most = rate * parameters().timing.sampling_time;
+    let inward = -(after.movement.velocity_offset - before.movement.velocity_offset);
+    let most = rate * parameters().timing.sampling_time.seconds();
     assert!((0..2).all(|axis| inward[axis] <= most + 1e-9), "{inward} in a cycle");
+}
+
+/// End of the sensor's range, N.
+const RANGE: f64 = 500.0;
+
+/// The sample with a component of its wrench at the end of the range.
+fn at_the_end(mut sample: Sample<2, 2>, component: usize) -> Sample<2, 2> {
+    sample.wrench.0[component] = -RANGE;
+    sample
 }
 
 #[test]
 fn a_saturated_wrench_never_reaches_the_law() {
-    let mut controller = with(stopping_at_a_low_force());
+    let mut parameters = stopping_at_a_low_force();
+    parameters.conditioning.saturation = Some(Vector6::repeat(RANGE));
+    let mut controller = with(parameters);
     step(&mut controller, &pressing(-50.0, 1));
     step(&mut controller, &pushing(60.0, 0.02, 2));
-    let saturated = Sample { wrench_saturated: Some(2), ..pushing(150.0, 0.02, 3) };
+    let saturated = at_the_end(pushing(150.0, 0.02, 3), 2);
     let outcome = step(&mut controller, &saturated);
     assert_eq!(outcome.fault, Some(SampleFault::WrenchSaturated { index: 2 }));
-    assert_eq!((outcome.mode, outcome.source), (Mode::Contact, Source::Plan), "the last plan goes on");
+    assert_eq!((outcome.mode, outcome.movement.source), (Mode::Contact, Source::Plan), "the last plan goes on");
     let invalid = Sample { wrench_valid: false, ..saturated };
     assert_eq!(step(&mut controller, &invalid).fault, Some(SampleFault::WrenchInvalid));
     for sequence in 4..200 {
-        let outcome = step(&mut controller, &Sample { wrench_saturated: Some(0), ..pushing(150.0, 0.02, sequence) });
+        let outcome = step(&mut controller, &at_the_end(pushing(150.0, 0.02, sequence), 0));
         if outcome.mode == Mode::Stopped {
             assert_eq!(outcome.stop_reason, Some(StopReason::SampleInvalid));
             return;

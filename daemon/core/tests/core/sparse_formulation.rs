@@ -1,17 +1,19 @@
-//! The condensed QP against the sparse formulation of the same problem (18), with the states as variables.
+//! The condensed QP against the sparse formulation of the same problem (18), with the states as
+//! variables.
 
 use crate::common;
 use crate::common::problems::{Problem, cases, workspace};
-use admittance_core::condensation::{MpcRows, condense};
-use admittance_core::model::{Model, State};
-use admittance_core::qp::{QpOutcome, QpSolver, RowState, kkt_residual};
-use admittanced::clarabel_solver::{ClarabelSettings, ClarabelSolver};
+use admittance_core::mpc::condensation::{MpcRows, condense};
+use admittance_core::mpc::model::{Model, State};
+use admittance_core::mpc::qp::{QpOutcome, QpSolver, RowState, kkt_residual};
+use admittance_judge::clarabel_solver::{ClarabelSettings, ClarabelSolver};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 use nalgebra::{SVector, Vector2};
 
-/// The inputs that solve the sparse problem: variables [x_1; …; x_H; u_0; …], the dynamics as equalities. Positions are
-/// relative to x_0, to keep the constant of f_lin (tens of kilonewtons) out of the solver's tolerance.
+/// The inputs that solve the sparse problem: variables [x_1; …; x_H; u_0; …], the dynamics as
+/// equalities. Positions are relative to x_0, to keep the constant of f_lin (tens of kilonewtons)
+/// out of the solver's tolerance.
 fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
     const STATE: usize = 6;
     let (model, p) = (&problem.model, &problem.prediction);
@@ -37,7 +39,8 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
 
     let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
     for (k, step) in problem.horizon.steps().iter().enumerate() {
-        // x_{k+1} = advance(x_k, known + u_k), its parts found by evaluating the model at unit vectors.
+        // x_{k+1} = advance(x_k, known + u_k), its parts found by evaluating the model at unit
+        // vectors.
         let constant = relative(&model.advance(step, &absolute([0.0; STATE]), &p.known_reference[k]));
         let responses: [[f64; STATE]; STATE] = std::array::from_fn(|i| {
             let mut unit_state = absolute(unit(i));
@@ -146,7 +149,8 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
     solver.solution.x[inputs_at..].to_vec()
 }
 
-/// Both solvers on the condensed problem; the inputs in the order of time and the multipliers of the first.
+/// Both solvers on the condensed problem; the inputs in the order of time and the multipliers of
+/// the first.
 fn condensed_solutions<const M: usize>(problem: &Problem<2, 2>, what: &str) -> ([Vec<f64>; 2], Vec<f64>) {
     let rows = MpcRows::<2, 2, M>::new(&problem.model, &problem.horizon, &problem.prediction).expect("M inputs");
     let mut workspace = workspace(&problem.horizon, problem.prediction.weights);
@@ -172,7 +176,8 @@ fn condensed_solutions<const M: usize>(problem: &Problem<2, 2>, what: &str) -> (
 
 #[test]
 fn the_condensed_inputs_are_those_of_the_sparse_formulation() {
-    // Rows with a multiplier, by number of inputs and side: the cases must reach every kind of bound.
+    // Rows with a multiplier, by number of inputs and side: the cases must reach every kind of
+    // bound.
     let mut pushed = [[0; 2]; 2];
     for (index, case) in cases().iter().enumerate() {
         let (problem, what) = (case.problem(), format!("case {index}"));

@@ -1,25 +1,25 @@
-//! How the controller stops on request, and how one gets out of a stop.
+//! How the controller stops on request, and how it leaves a stop.
 
 use crate::common;
 use crate::common::scripted::{assert_held, assert_stopping, close, contact, scenario, touched};
 use crate::common::{normal, parameters, pressing, pushing, step};
-use admittance_core::ResetRefused;
-use admittance_core::mode::{Mode, StopReason};
-use admittance_core::outcome::{Motion, Source};
-use admittance_core::sample::Sample;
+use admittance_core::intake::Sample;
+use admittance_core::supervisor::{Ending, ResetRefused};
+use admittance_core::vocabulary::{ModeName as Mode, StopReason};
+use admittance_core::vocabulary::{Motion, Source};
 use nalgebra::Vector2;
 
 #[test]
 fn a_stop_on_request_ramps_to_zero_in_free_motion() {
     let (mut controller, outcome) = touched(parameters(), &[]);
-    let mut before = outcome.velocity_offset;
-    controller.request_stop(StopReason::Shutdown);
+    let mut before = outcome.movement.velocity_offset;
+    controller.end(Ending::Shutdown);
     let mut cycles = 0;
     for sequence in 3.. {
         let outcome = step(&mut controller, &pressing(-100.0, sequence));
         if outcome.mode == Mode::Idle {
             assert_eq!((outcome.stop_reason, before), (Some(StopReason::Shutdown), Vector2::zeros()));
-            assert_eq!(outcome.velocity_offset, Vector2::zeros());
+            assert_eq!(outcome.movement.velocity_offset, Vector2::zeros());
             break;
         }
         assert_eq!(outcome.mode, Mode::Free);
@@ -27,12 +27,12 @@ fn a_stop_on_request_ramps_to_zero_in_free_motion() {
         for axis in 0..2 {
             let expected = (before[axis].abs() - 0.04).max(0.0).copysign(before[axis]);
             assert!(
-                (outcome.velocity_offset[axis] - expected).abs() < 1e-12,
+                (outcome.movement.velocity_offset[axis] - expected).abs() < 1e-12,
                 "{} after {before}",
-                outcome.velocity_offset
+                outcome.movement.velocity_offset
             );
         }
-        before = outcome.velocity_offset;
+        before = outcome.movement.velocity_offset;
         cycles += 1;
         assert!(cycles < 100, "it never gets to zero");
     }
@@ -43,11 +43,15 @@ fn a_stop_on_request_ramps_to_zero_in_free_motion() {
 #[test]
 fn a_stop_on_request_in_contact_comes_to_rest_at_a_low_force() {
     let (mut controller, _) = touched(parameters(), &[]);
-    controller.request_stop(StopReason::Shutdown);
+    controller.end(Ending::Shutdown);
     let outcome = step(&mut controller, &pushing(150.0, 0.05, 3));
     assert_stopping(&outcome, StopReason::Shutdown);
-    assert_eq!(outcome.source, Source::MinimumForce);
-    assert!(normal().dot(&outcome.twist_command) > 0.0, "out of the surface: {}", outcome.twist_command);
+    assert_eq!(outcome.movement.source, Source::MinimumForce);
+    assert!(
+        normal().dot(&outcome.movement.twist_command) > 0.0,
+        "out of the surface: {}",
+        outcome.movement.twist_command
+    );
     // Low force, but still moving in: no rest yet.
     let inward = Sample { joint_velocity: contact_velocity(-0.05), ..pressing(50.0, 4) };
     assert_stopping(&step(&mut controller, &inward), StopReason::Shutdown);
@@ -55,7 +59,7 @@ fn a_stop_on_request_in_contact_comes_to_rest_at_a_low_force() {
 
     // A force that does not fade: held when the time is up.
     let (mut controller, _) = touched(parameters(), &[]);
-    controller.request_stop(StopReason::Shutdown);
+    controller.end(Ending::Shutdown);
     for sequence in 3..=253 {
         assert_stopping(&step(&mut controller, &pressing(150.0, sequence)), StopReason::Shutdown);
     }
@@ -88,8 +92,15 @@ fn the_way_out_of_a_stop_leads_over_a_retreat_and_a_reset() {
     // Out of the surface, but never faster than the retreat speed, however fast the reference is.
     for (sequence, commanded, allowed) in [(3, 0.02, 0.02), (4, 0.3, 0.05), (5, 1.5, 0.05)] {
         let outcome = step(&mut controller, &pushing(60.0, -commanded, sequence));
-        assert_eq!((outcome.motion, outcome.mode, outcome.source), (Motion::Offset, Mode::Stopped, Source::Retreat));
-        assert!(close(&outcome.twist_command, &(normal() * allowed)), "{commanded} m/s: {}", outcome.twist_command);
+        assert_eq!(
+            (outcome.movement.motion, outcome.mode, outcome.movement.source),
+            (Motion::Offset, Mode::Stopped, Source::Retreat)
+        );
+        assert!(
+            close(&outcome.movement.twist_command, &(normal() * allowed)),
+            "{commanded} m/s: {}",
+            outcome.movement.twist_command
+        );
     }
     // The offset that would slow this one down is beyond the limit.
     let outcome = step(&mut controller, &pushing(60.0, -4.0, 6));
@@ -101,7 +112,7 @@ fn the_way_out_of_a_stop_leads_over_a_retreat_and_a_reset() {
     let outcome = step(&mut controller, &pressing(-100.0, 8));
     assert_eq!((outcome.mode, outcome.stop_reason), (Mode::Free, None));
     let outcome = step(&mut controller, &contact(9));
-    assert_eq!((outcome.mode, outcome.source), (Mode::Contact, Source::Mpc));
+    assert_eq!((outcome.mode, outcome.movement.source), (Mode::Contact, Source::Mpc));
 }
 
 #[test]
@@ -111,5 +122,5 @@ fn a_forced_reset_goes_straight_back_to_control_in_contact() {
     assert_eq!(controller.reset(true), Ok(()));
     assert_eq!(controller.mode(), Mode::Free);
     let outcome = step(&mut controller, &contact(2));
-    assert_eq!((outcome.mode, outcome.source, outcome.stop_reason), (Mode::Contact, Source::Mpc, None));
+    assert_eq!((outcome.mode, outcome.movement.source, outcome.stop_reason), (Mode::Contact, Source::Mpc, None));
 }

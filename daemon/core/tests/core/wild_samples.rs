@@ -1,17 +1,20 @@
-//! Whatever a motion controller sends, `step` neither panics nor emits anything but finite numbers within the limits.
+//! Whatever a motion controller sends, `step` neither panics nor emits anything but finite numbers
+//! within the limits.
 
 use crate::common;
-use crate::common::{PlanarController, pushing};
-use admittance_core::controller::Event;
-use admittance_core::mode::Mode;
-use admittance_core::outcome::{Motion, Outcome};
-use admittance_core::parameters::{OnInfeasible, Parameters};
-use admittance_core::qp::ActiveSet;
-use admittance_core::sample::{Sample, SampleFault};
+use crate::common::{PlanarController, at, given, ns, pushing};
+use admittance_core::Outcome;
+use admittance_core::Parameters;
+use admittance_core::intake::Event;
+use admittance_core::intake::{Sample, SampleFault};
+use admittance_core::mpc::qp::ActiveSet;
+use admittance_core::supervisor::OnInfeasible;
+use admittance_core::vocabulary::ModeName as Mode;
+use admittance_core::vocabulary::Motion;
 use nalgebra::Vector2;
 use proptest::prelude::*;
 
-/// Any bit pattern, the usual suspects, and magnitudes around what is accepted.
+/// Any bit pattern, special values, and magnitudes around the accepted limits.
 fn wild() -> impl Strategy<Value = f64> {
     prop_oneof![
         any::<u64>().prop_map(f64::from_bits),
@@ -40,7 +43,7 @@ fn wild_vector() -> impl Strategy<Value = Vector2<f64>> {
     [wild(), wild()].prop_map(Vector2::from)
 }
 
-/// What is done to an otherwise plausible sample.
+/// How an otherwise plausible sample is spoiled.
 #[derive(Debug, Clone)]
 enum Spoil {
     Nothing,
@@ -89,14 +92,15 @@ fn cycle(controller: &mut Wild, sample: &mut Sample<2, 2>, spoil: &Spoil) -> Out
         Spoil::Velocity(value) => sample.joint_velocity = value,
         Spoil::PositionReference(value) => sample.joint_position_reference = value,
         Spoil::TwistReference(value) => sample.twist_reference = value,
-        Spoil::Wrench(value) => sample.wrench = value,
+        Spoil::Wrench(value) => sample.wrench = given(value),
         Spoil::Everything([position, velocity, reference, twist, wrench]) => {
             (sample.joint_position, sample.joint_velocity) = (position, velocity);
-            (sample.joint_position_reference, sample.twist_reference, sample.wrench) = (reference, twist, wrench);
+            (sample.joint_position_reference, sample.twist_reference) = (reference, twist);
+            sample.wrench = given(wrench);
         }
         // A small one is an age or, half of the time, a lead.
-        Spoil::Stamp(stamp) if stamp < 20_000_000 => sample.stamp = sample.stamp + 10_000_000 - stamp,
-        Spoil::Stamp(stamp) => sample.stamp = stamp,
+        Spoil::Stamp(stamp) if stamp < 20_000_000 => sample.stamp = sample.stamp + ns(10_000_000) - ns(stamp),
+        Spoil::Stamp(stamp) => sample.stamp = at(stamp),
         Spoil::Sequence(sequence) => sample.sequence = sequence,
         Spoil::Boot(boot, sequence) => (sample.boot_id, sample.sequence) = (boot, sequence),
         Spoil::JointCount(count) => sample.joint_count = count,
@@ -112,14 +116,17 @@ fn cycle(controller: &mut Wild, sample: &mut Sample<2, 2>, spoil: &Spoil) -> Out
 
 fn check(outcome: &Outcome<2, 2>, controller: &Wild, limits: &Vector2<f64>) -> Result<(), TestCaseError> {
     let within = |offset: &Vector2<f64>| (0..2).all(|axis| offset[axis].abs() <= limits[axis]);
-    prop_assert!(within(&outcome.velocity_offset), "velocity offset {:?}", outcome);
+    prop_assert!(within(&outcome.movement.velocity_offset), "velocity offset {:?}", outcome);
     for (step, (offset, _)) in controller.plan().steps().enumerate() {
         prop_assert!(within(offset), "step {step} of the plan: {offset:?} after {outcome:?}");
     }
     let finite = |vector: &Vector2<f64>| vector.iter().all(|value| value.is_finite());
-    prop_assert!(finite(&outcome.joint_velocity_offset) && finite(&outcome.twist_command), "{outcome:?}");
-    if outcome.motion == Motion::Hold || outcome.mode == Mode::Idle {
-        prop_assert_eq!(outcome.velocity_offset, Vector2::zeros());
+    prop_assert!(
+        finite(&outcome.movement.joint_velocity_offset) && finite(&outcome.movement.twist_command),
+        "{outcome:?}"
+    );
+    if outcome.movement.motion == Motion::Hold || outcome.mode == Mode::Idle {
+        prop_assert_eq!(outcome.movement.velocity_offset, Vector2::zeros());
     }
     Ok(())
 }
@@ -140,7 +147,7 @@ proptest! {
     ) {
         let mut parameters = common::parameters();
         if minimum_force_stop {
-            parameters.mpc.on_infeasible = OnInfeasible::MinimumForceStop;
+            parameters.policy.on_infeasible = OnInfeasible::MinimumForceStop;
         }
         let mut controller = controller(parameters);
         if history > 0 {
@@ -162,7 +169,7 @@ fn values_beyond_every_arm_never_reach_the_law() {
         let mut controller = controller(common::parameters());
         common::step(&mut controller, &pushing(-100.0, 0.05, 1));
         common::step(&mut controller, &pushing(60.0, 0.05, 2));
-        let sample = Sample { wrench: Vector2::new(-30.0, value), ..pushing(60.0, 0.05, 3) };
+        let sample = Sample { wrench: given(Vector2::new(-30.0, value)), ..pushing(60.0, 0.05, 3) };
         let outcome = common::step(&mut controller, &sample);
         assert!(
             matches!(outcome.fault, Some(SampleFault::Implausible { index: 1, .. })),

@@ -1,11 +1,14 @@
-//! From what a sensor gives to f̂: against golden/wrench.json, which an independent script computes from virtual work, and what
-//! must hold for any sensor.
+//! From a sensor's reading to f̂: against golden/wrench.json, which an independent script computes
+//! from virtual work, and what must hold for any sensor.
 
+use admittance_core::intake::{Conditioning, GivenIn, GivenSign};
+use admittance_core::quantities::GivenWrench;
 use admittance_core::robot::{Pose, rotation_from_rpy};
-use admittance_core::wrench::{Conditioning, GivenIn, GivenSign};
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use serde::Deserialize;
+
+use crate::common::given;
 
 /// Largest difference that rounding explains: newtons and newton metres up to some hundred.
 const ROUNDING: f64 = 1e-11;
@@ -59,7 +62,7 @@ fn it_is_what_virtual_work_says() {
     assert!(cases.len() >= 10 && cases.iter().any(|case| case.reaction) && cases.iter().any(|case| !case.reaction));
     for case in &cases {
         let conditioning = case.conditioning();
-        let found = conditioning.wrench(&case.given.into(), &case.tcp());
+        let found = conditioning.wrench(&GivenWrench(case.given.into()), &case.tcp());
         let error = (found - Vector6::from(case.wrench)).amax();
         assert!(error <= ROUNDING, "off by {error:e}: {found} is not {:?}", case.wrench);
         // The planar arm sees the first two of it.
@@ -71,16 +74,15 @@ fn it_is_what_virtual_work_says() {
             tool_center_of_gravity: conditioning.tool_center_of_gravity,
             ..Conditioning::none()
         };
-        assert_eq!(planar.wrench(&case.given.into(), &case.tcp()).as_slice(), &found.as_slice()[..2]);
+        assert_eq!(planar.wrench(&GivenWrench(case.given.into()), &case.tcp()).as_slice(), &found.as_slice()[..2]);
     }
 }
 
 #[test]
 fn nothing_configured_changes_no_bit() {
     let given = Vector6::new(-0.0, 5e-324, -1.5, f64::MAX, 0.1 + 0.2, 1.0 / 3.0);
-    let wrench = Conditioning::<6>::none().wrench(&given, &Matrix3::identity());
+    let wrench = Conditioning::<6>::none().wrench(&GivenWrench(given), &Matrix3::identity());
     assert_eq!(wrench.map(f64::to_bits), given.map(f64::to_bits));
-    assert!(!Conditioning::<6>::none().needs_orientation());
 }
 
 #[test]
@@ -93,17 +95,17 @@ fn the_end_of_the_range_is_seen_on_what_is_given() {
     let given = |index: usize, value: f64| {
         let mut given = Vector6::zeros();
         given[index] = value;
-        conditioning.saturated(&given)
+        conditioning.saturated(&GivenWrench(given))
     };
     assert_eq!((given(0, 99.9), given(0, 100.0), given(1, -100.0), given(5, -11.0)), (None, Some(0), Some(1), Some(5)));
     assert_eq!(given(0, f64::NAN), None, "what is no number is told as that");
-    assert_eq!(Conditioning::<2>::none().saturated(&Vector6::repeat(1e5)), None);
+    assert_eq!(Conditioning::<2>::none().saturated(&GivenWrench(Vector6::repeat(1e5))), None);
 }
 
 #[test]
 fn the_deadband_hides_what_is_small_and_takes_nothing_off_the_rest() {
     let conditioning = Conditioning::<2> { deadband: Vector2::new(2.0, 0.0), ..Conditioning::none() };
-    let wrench = |x: f64, y: f64| conditioning.wrench(&Vector6::new(x, y, 0.0, 0.0, 0.0, 0.0), &Matrix3::identity());
+    let wrench = |x: f64, y: f64| conditioning.wrench(&given(Vector2::new(x, y)), &Matrix3::identity());
     assert_eq!(wrench(2.0, 1e-9), Vector2::new(0.0, 1e-9));
     assert_eq!(wrench(-2.0, -3.0), Vector2::new(0.0, -3.0));
     assert_eq!(wrench(2.0001, 0.0), Vector2::new(2.0001, 0.0));
@@ -139,7 +141,7 @@ proptest! {
     #[test]
     fn without_contact_nothing_is_left(sensor in any_sensor(), tcp in vector(3.1)) {
         let tcp = rotation_from_rpy(tcp);
-        let left = sensor.wrench(&(sensor.unloaded(&tcp) + sensor.bias), &tcp);
+        let left = sensor.wrench(&GivenWrench(sensor.unloaded(&tcp).0 + sensor.bias), &tcp);
         prop_assert!(left.amax() <= ROUNDING, "{left}");
     }
 
@@ -148,8 +150,8 @@ proptest! {
         sensor in any_sensor(), tcp in vector(3.1), push in six(200.0),
     ) {
         let tcp = rotation_from_rpy(tcp);
-        let unloaded = sensor.unloaded(&tcp) + sensor.bias;
-        let felt = sensor.wrench(&(unloaded + push), &tcp);
+        let unloaded = sensor.unloaded(&tcp).0 + sensor.bias;
+        let felt = sensor.wrench(&GivenWrench(unloaded + push), &tcp);
         let sizes = (felt.fixed_rows::<3>(0).norm(), push.fixed_rows::<3>(0).norm());
         prop_assert!((sizes.0 - sizes.1).abs() <= 1e-10, "{sizes:?}");
         // The other sign on the other readings is the same wrench.
@@ -158,7 +160,7 @@ proptest! {
             bias: -sensor.bias,
             ..sensor
         };
-        let error = (opposite.wrench(&-(unloaded + push), &tcp) - felt).amax();
+        let error = (opposite.wrench(&GivenWrench(-(unloaded + push)), &tcp) - felt).amax();
         prop_assert!(error <= 1e-10, "{error:e}");
     }
 }

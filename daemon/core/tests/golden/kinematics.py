@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Golden poses and Jacobians for daemon/core/tests/kinematics.rs.
+"""Golden poses and Jacobians for daemon/core/tests/core/kinematics.rs.
 
     python3 kinematics.py            write kinematics.json beside this script
     python3 kinematics.py --check    exit 1 unless kinematics.json is exactly what this script writes
@@ -50,7 +50,8 @@ ARMS = [
         ],
     },
     {
-        # Lengths of a UR10e. The second axis is long and negative on purpose: only its direction counts.
+        # Lengths of a UR10e. The second axis is long and negative on purpose: only its direction
+        # counts.
         "name": "six joints, UR10e-like, offset tool",
         "task_axes": 6,
         "joints": [

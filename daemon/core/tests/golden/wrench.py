@@ -6,7 +6,7 @@
 
 Needs nothing but Python 3.9 or later: 80-digit decimal arithmetic, with the rigid motions of kinematics.py beside it.
 
-Independent of the Rust code in daemon/core/src/wrench.rs, which rotates vectors and takes cross products: here every wrench follows
+Independent of the Rust code in daemon/core/src/intake/wrench.rs, which rotates vectors and takes cross products: here every wrench follows
 from virtual work. The tool is moved a little along each axis of the base frame through the TCP and turned a little about it;
 what the sensor's forces and torques do in that motion, and what gravity does at the centre of gravity, is by definition the
 component of the wrench at the TCP. The little motions are central differences (step 1e-25, error about 1e-50).

@@ -16,7 +16,7 @@ pub(crate) fn broken(rows: &[&Row]) -> Vec<String> {
                 broken.push(format!("{name} peaked at {peak:.1} N, it should exceed {HIGH_DAMPING_PEAK_N} N"));
             }
             _ if name.starts_with("mpc") => {
-                // Comparisons that are false for NaN: it is no success.
+                // Written so that NaN counts as a failure.
                 let (touched, within) = (peak > 0.0, peak <= LIMIT_N);
                 if !within {
                     broken.push(format!("{name} peaked at {peak:.1} N, above {LIMIT_N} N"));

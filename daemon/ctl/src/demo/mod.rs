@@ -1,8 +1,8 @@
-//! `admittancectl demo`: the paper's experiment (section IV) for five controllers, each with the real daemon and the real
-//! plant as processes of their own, in real time, over shared memory.
+//! `admittancectl demo`: the paper's experiment (section IV) for five controllers, each with the
+//! real daemon and the real plant as processes of their own, in real time, over shared memory.
 
 mod claims;
-pub(crate) mod session;
+mod watched;
 
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -19,27 +19,28 @@ use serde::Serialize;
 use crate::{Exit, report};
 
 /// The scenario of every run.
-pub(crate) const SCENARIO: &str = include_str!("../../../../plant-sim/scenarios/paper.toml");
+pub const SCENARIO: &str = include_str!("../../../../plant-sim/scenarios/paper.toml");
 /// The force limit of the experiment in N.
 pub(crate) const LIMIT_N: f64 = 200.0;
-/// Runs repeated for want of a quiet machine, per controller.
+/// Repeated runs per controller, because the machine was busy.
 const REPEATS: u32 = 3;
-/// A missed command this long before first contact, in s, or later may have changed what the row shows.
+/// A command missed later than this before first contact, in s, may have changed what the row
+/// shows.
 const NEAR_CONTACT_S: f64 = 0.02;
 
 /// A controller of the demo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Controller {
+pub struct Controller {
     /// Name in JSON and CSV.
-    pub(crate) name: &'static str,
+    pub name: &'static str,
     /// Name in table and legend.
-    pub(crate) title: &'static str,
+    pub title: &'static str,
     /// The daemon's configuration.
-    pub(crate) config: &'static str,
+    pub config: &'static str,
 }
 
 /// The rows.
-pub(crate) const CONTROLLERS: [Controller; 5] = [
+pub const CONTROLLERS: [Controller; 5] = [
     Controller {
         name: "damping-low",
         title: "damping, D_low (22)",
@@ -165,7 +166,7 @@ fn quiet_run(
     interrupted: &dyn Fn() -> bool,
 ) -> Result<Option<Run>, (Exit, String)> {
     for attempt in 0..=REPEATS {
-        let truths = session::run(controller, scenario, SCENARIO, interrupted, progress(controller, scenario))?;
+        let truths = watched::run(controller, scenario, SCENARIO, interrupted, progress(controller, scenario))?;
         let mut summary = Summary::of_scenario(scenario);
         truths.iter().for_each(|truth| summary.add(truth));
         let from = summary.first_contact_s.unwrap_or(0.0) - NEAR_CONTACT_S;

@@ -1,4 +1,4 @@
-//! Each check: what was found, whether that is well, and exactly what to change.
+//! Each check: what was found, whether that is good, and exactly what to change.
 
 use admittance_host::realtime::CPU_DMA_LATENCY;
 use admittance_host::shared_memory::NEEDED_BYTES;
@@ -25,7 +25,8 @@ pub(crate) fn all(machine: &Machine, asked: &Asked) -> Vec<Check> {
     ]
 }
 
-/// What is needed, is it asked for and missing: refused where the daemon would not start or run, else a warning.
+/// Something needed is asked for and missing: refused if the daemon would not start or run, else a
+/// warning.
 fn missing(is_fatal: bool) -> Status {
     if is_fatal { Status::Refused } else { Status::Warning }
 }
@@ -56,7 +57,7 @@ fn throttling(machine: &Machine, asked: &Asked) -> Check {
         Ok(runtime) if runtime < 0 => ok(name, "off"),
         Ok(runtime) => {
             let found = format!("{runtime} us of each second's 1000000 us for real-time threads");
-            // Only a thread that never sleeps gets there.
+            // Only a thread that never sleeps is affected.
             let status = if asked.spins { Status::Warning } else { Status::Ok };
             let change =
                 if asked.spins { "sysctl -w kernel.sched_rt_runtime_us=-1, or control.wait = \"hybrid\"" } else { "" };
@@ -144,7 +145,8 @@ fn priority(machine: &Machine, asked: &Asked) -> Check {
         return ok(name, "up to 99 (CAP_SYS_NICE)");
     }
     let largest: u32 = limit(machine, "Max realtime priority").and_then(|text| text.parse().ok()).unwrap_or(0);
-    // A configuration that asks for none is content; without one, what a daemon usually asks for is looked at.
+    // A configuration that asks for nothing passes; without one, a daemon's usual needs are
+    // checked.
     let wanted = if asked.priority > 0 { asked.priority } else { 1 };
     if largest >= wanted {
         return ok(name, format!("up to {largest}"));

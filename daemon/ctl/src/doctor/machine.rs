@@ -1,4 +1,4 @@
-//! What the kernel tells of this machine and of who asks, as it tells it.
+//! What the kernel says about this machine and this process, unchanged.
 
 use std::fs;
 use std::path::Path;
@@ -32,7 +32,7 @@ pub(crate) struct Machine {
 
 impl Machine {
     /// This one, as this process sees it.
-    pub(crate) fn this() -> Self {
+    pub(crate) fn observe() -> Self {
         let cpu = Path::new("/sys/devices/system/cpu");
         let online = read(cpu.join("online"));
         let processors = online.as_deref().and_then(processors).unwrap_or_default();
@@ -57,7 +57,7 @@ fn read(path: impl AsRef<Path>) -> Option<String> {
     fs::read_to_string(path).ok().map(|text| text.trim().to_owned())
 }
 
-/// Asked, not tried: to open it would change the machine while it is open.
+/// Asked with access(2), not opened: an open file would change the machine.
 fn may_write(path: &std::ffi::CStr) -> Result<(), String> {
     // SAFETY: the path ends in a zero byte, and the call only reads it.
     match unsafe { libc::access(path.as_ptr(), libc::W_OK) } {
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn this_machine_can_be_read() {
-        let machine = Machine::this();
+        let machine = Machine::observe();
         assert!(machine.online.as_deref().and_then(processors).is_some_and(|online| !online.is_empty()));
         assert!(machine.limits.is_some_and(|limits| limits.contains("Max locked memory")));
         assert!(machine.status.is_some_and(|status| status.contains("CapEff:")));

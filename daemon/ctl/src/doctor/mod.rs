@@ -1,4 +1,5 @@
-//! `admittancectl doctor`: whether this machine can keep a deadline, and what to change where it cannot. Reads only.
+//! `admittancectl doctor`: whether this machine can keep a deadline, and what to change where it
+//! cannot. Reads only.
 
 mod checks;
 mod machine;
@@ -6,7 +7,7 @@ mod machine;
 use std::path::PathBuf;
 
 use admittance_host::realtime::RealtimeSection;
-use admittanced::config::{Config, Wait};
+use admittance_runner::config::{Config, Wait};
 use comfy_table::{ContentArrangement, Table, presets};
 use serde::Serialize;
 
@@ -21,7 +22,8 @@ use machine::Machine;
     admittancectl doctor --json | jq '.checks[] | select(.status != \"ok\")'"
 )]
 pub(crate) struct Args {
-    /// The daemon's configuration: what it asks for is then checked against what the machine grants.
+    /// The daemon's configuration: what it asks for is then checked against what the machine
+    /// grants.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// One JSON object.
@@ -81,7 +83,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         Some(file) => Asked::by(&validate::load(file)?),
         None => Asked::default(),
     };
-    let checks = checks::all(&Machine::this(), &asked);
+    let checks = checks::all(&Machine::observe(), &asked);
     let refused = checks.iter().filter(|check| check.status == Status::Refused).count();
     if args.json {
         println!("{}", serde_json::json!({ "checks": checks, "refused": refused }));

@@ -1,8 +1,8 @@
-//! Where the arm touches, in which pose, and from where it comes.
+//! Where the arm touches the surface, in which pose, and from which direction.
 
 use std::f64::consts::{PI, TAU};
 
-use admittanced::config::Config;
+use admittance_runner::config::Config;
 use plant_sim::pose::{self, ArmPose};
 use plant_sim::scenario::{
     MotionSection, NoiseSection, Scenario, StartSection, SurfaceSection, TimingSection, WrenchSection,
@@ -12,13 +12,16 @@ use crate::Exit;
 
 /// Time at rest before the motion, in s.
 const SETTLE_S: f64 = 0.02;
-/// Motion before the contact, in time constants of the slowest joint: the speed is then within 0.04 % of the command.
+/// Motion before the contact, in time constants of the slowest joint: the speed is then within 0.04
+/// % of the command.
 const APPROACH_LAGS: f64 = 8.0;
 /// Motion after the contact, in s.
 pub(crate) const AFTER_CONTACT_S: f64 = 0.3;
-/// Longest step of the plant in s; the stiffest contact of the study changes its force by 1 N in it at 0.04 m/s.
+/// Longest step of the plant in s; the stiffest contact of the study changes its force by 1 N in it
+/// at 0.04 m/s.
 const SUBSTEP_S: f64 = 25e-6;
-/// Inward normal component of an approach below which the arm slides along the surface rather than touches it.
+/// Inward normal component of an approach below which the arm slides along the surface rather than
+/// touches it.
 const LEAST_INWARD: f64 = 0.1;
 /// Joint angles that a scenario accepts, in rad.
 const LARGEST_ANGLE_RAD: f64 = 7.0;
@@ -28,7 +31,7 @@ const LARGEST_ANGLE_RAD: f64 = 7.0;
 pub(crate) struct Approach {
     /// The arm at contact.
     pub(crate) pose: ArmPose,
-    /// The other pose of a planar arm with the TCP there, if both were looked for.
+    /// The other pose of a planar arm with the same TCP, if both were searched for.
     pub(crate) other_joint_position_rad: Option<Vec<f64>>,
     /// Outward normal of the surface, of length 1.
     pub(crate) normal: [f64; 3],
@@ -55,7 +58,7 @@ impl Approach {
                 (taken, other.map(|other| other.joint_position_rad))
             }
         };
-        // Whoever gave the joints is to blame for them; otherwise the configuration is.
+        // The message names whoever gave the joints: the command line or the configuration.
         let code = if joints.is_some() { Exit::Usage } else { Exit::Config };
         check(config, &pose).map_err(|why| (code, why))?;
         Ok(Self { pose, other_joint_position_rad, normal, direction })
@@ -67,7 +70,8 @@ impl Approach {
         (0..config.robot.task_axes as usize).map(|axis| linear.get(axis).copied().unwrap_or(0.0)).collect()
     }
 
-    /// The speed in m/s at which a joint of the arm at contact is at its configured limit; infinite without limits.
+    /// The speed in m/s at which a joint of the arm at contact is at its configured limit; infinite
+    /// without limits.
     pub(crate) fn speed_at_joint_limits_m_s(&self, config: &Config) -> f64 {
         let Some(limits) = &config.limits.joint_speed_rad_s else { return f64::INFINITY };
         let speeds = self.pose.joint_velocity_rad_s(&self.twist(config, 1.0)).unwrap_or_default();
@@ -79,8 +83,8 @@ impl Approach {
         -dot(self.direction, self.normal)
     }
 
-    /// The plant of a (checked) configuration that is right about everything, touching `contact_phase` of a cycle after a
-    /// sample.
+    /// A plant for which the (checked) configuration is exactly right, touching `contact_phase` of
+    /// a cycle after a sample.
     pub(crate) fn scenario(&self, config: &Config, speed_m_s: f64, contact_phase: f64) -> Scenario {
         let sampling_time_s = config.control.sampling_time_s;
         let whole_cycles = |time_s: f64| (time_s / sampling_time_s - 1e-9).ceil() * sampling_time_s;

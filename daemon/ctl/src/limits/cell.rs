@@ -1,26 +1,25 @@
 //! One cycle time and one stiffness: the configuration for them, and whether an approach is safe.
 
 use std::fmt;
-use std::ops::ControlFlow;
 
+use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::config::Section;
-use admittanced::config::Config;
+use admittance_runner::config::Config;
+use admittance_runner::cycle;
+use admittance_runner::virtual_time::{Step, VirtualTime};
 use ipc_types::StopReason;
 use plant_sim::run::VirtualRun;
 use serde::Serialize;
 
 use super::approach::Approach;
 use super::search;
-use crate::closed_loop;
 
 /// By how much in N a force may exceed its limit and still count as kept.
 pub(crate) const FORCE_TOLERANCE_N: f64 = 0.5;
 /// Highest speed that is tried, in m/s.
 const HIGHEST_M_S: f64 = 3.0;
-/// Names of the task axes.
-pub(crate) const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// Why an approach is not safe: what came first.
+/// Why an approach is not safe: the first problem.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Unsafe {
     /// A true force above its limit.
@@ -40,7 +39,9 @@ pub(crate) enum Unsafe {
 impl fmt::Display for Unsafe {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Force { axis, force_n } => write!(f, "force on {}: {force_n:.1} N", AXES.get(*axis).unwrap_or(&"?")),
+            Self::Force { axis, force_n } => {
+                write!(f, "force on {}: {force_n:.1} N", AXIS_NAMES.get(*axis).unwrap_or(&"?"))
+            }
             Self::ContactLost => write!(f, "contact lost"),
             Self::Stop(reason) => write!(f, "stop: {reason}"),
             Self::Fault(fault) => write!(f, "fault: {fault}"),
@@ -57,13 +58,15 @@ pub(crate) struct Cell {
     pub(crate) sampling_time_s: f64,
     /// Stiffness along the normal in N/m, believed and true.
     pub(crate) stiffness_n_m: f64,
-    /// Highest safe speed in m/s, 0 when none is; `None` when the configuration does not allow this cell.
+    /// Highest safe speed in m/s, 0 when none is; `None` when the configuration does not allow this
+    /// cell.
     pub(crate) speed_m_s: Option<f64>,
-    /// The next higher speed that was tried and is not safe; `None` when the highest one tried is safe.
+    /// The next higher speed that was tried and is not safe; `None` when the highest one tried is
+    /// safe.
     pub(crate) unsafe_m_s: Option<f64>,
-    /// What keeps the speed from being higher.
+    /// What limits the speed.
     pub(crate) limited_by: String,
-    /// Whether a higher speed was safe, but one between was not.
+    /// Whether a higher speed was safe although a lower one was not.
     pub(crate) lowered: bool,
 }
 
@@ -134,7 +137,7 @@ pub(crate) fn cell(
         Ok(config) => config,
         Err(why) => return Ok(none(why)),
     };
-    // Most instants agree; the one that was unsafe last is the first to ask at the next speed.
+    // Most instants agree; the one that was unsafe last is tried first at the next speed.
     let mut first = 0;
     let (highest, bound) = highest_m_s(&config, approach);
     let found = search::highest_safe(highest, |speed| {
@@ -172,15 +175,15 @@ pub(crate) fn is_safe(
     };
     let mut verdict = Ok(());
     let mut touched = false;
-    closed_loop::run_plant(config, plant, |step| {
+    let mut run = VirtualTime::new(cycle::build(config)?, plant);
+    while let (true, Some(step)) = (verdict.is_ok(), run.step()?) {
         touched |= step.truth.peak_normal_force_n > 0.0;
-        verdict = check(config, step);
-        if verdict.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-    })?;
+        verdict = check(config, &step);
+    }
     Ok(if verdict.is_ok() && !touched { Err(Unsafe::NoContact) } else { verdict })
 }
 
-fn check(config: &Config, step: &closed_loop::Step<'_>) -> Result<(), Unsafe> {
+fn check(config: &Config, step: &Step) -> Result<(), Unsafe> {
     for (axis, limit) in limited_axes(config) {
         let force = step.truth.peak_wrench[axis].abs();
         if force > limit + FORCE_TOLERANCE_N {
@@ -193,10 +196,10 @@ fn check(config: &Config, step: &closed_loop::Step<'_>) -> Result<(), Unsafe> {
     if let Some(fault) = &step.report.fault {
         return Err(Unsafe::Fault(format!("{fault:?}")));
     }
-    match StopReason::from_code(step.command.stop_reason) {
-        Some(StopReason::None) => Ok(()),
-        Some(reason) => Err(Unsafe::Stop(reason)),
-        None => Err(Unsafe::Fault(format!("stop reason {}", step.command.stop_reason))),
+    match (step.command.stop_reason, StopReason::from_code(step.command.stop_reason)) {
+        (StopReason::NONE, _) => Ok(()),
+        (_, Some(reason)) => Err(Unsafe::Stop(reason)),
+        (code, None) => Err(Unsafe::Fault(format!("stop reason {code}"))),
     }
 }
 

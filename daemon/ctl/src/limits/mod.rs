@@ -1,5 +1,5 @@
-//! `admittancectl limits`: how fast a configured robot may approach, over stiffness and cycle time. By simulation of the
-//! daemon's own cycle, not by a formula.
+//! `admittancectl limits`: how fast a configured robot may approach, over stiffness and cycle time.
+//! By simulation of the daemon's own cycle, not by a formula.
 
 mod approach;
 mod cell;
@@ -9,13 +9,14 @@ mod table;
 
 use std::path::{Path, PathBuf};
 
-use admittanced::config::Config;
+use admittance_runner::config::Config;
 
 use crate::{Exit, offline, parallel, validate};
 use approach::Approach;
 use table::Limits;
 
-/// Factors of the configured stiffness, and cycle times in s, that are looked at unless others are given.
+/// Factors of the configured stiffness, and cycle times in s, that are looked at unless others are
+/// given.
 const STIFFNESS_FACTORS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
 const SAMPLING_TIMES_S: [f64; 5] = [0.004, 0.002, 0.001, 0.0005, 0.00025];
 /// What the configuration's keys accept.
@@ -32,14 +33,16 @@ pub(crate) struct Args {
     /// Configuration of the daemon.
     #[arg(value_name = "CONFIG")]
     config: PathBuf,
-    /// Joint position at contact in rad, base first; required for arms of 6 and 7 joints. It is moved to
-    /// environment.contact_point_m in the same orientation.
+    /// Joint position at contact in rad, base first; required for arms of 6 and 7 joints. It is
+    /// moved to environment.contact_point_m in the same orientation.
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     joints: Option<Vec<f64>>,
-    /// Direction of the approach in the base frame, of any length; along the inward surface normal when absent.
+    /// Direction of the approach in the base frame, of any length; along the inward surface normal
+    /// when absent.
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true)]
     direction: Option<Vec<f64>>,
-    /// Stiffnesses in N/m, believed and true, 8 at most; 0.1, 0.3, 1, 3 and 10 times the configured one when absent.
+    /// Stiffnesses in N/m, believed and true, 8 at most; 0.1, 0.3, 1, 3 and 10 times the configured
+    /// one when absent.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     stiffness_n_m: Option<Vec<f64>>,
     /// Cycle times in s; 4, 2, 1, 0.5 and 0.25 ms and the configured one when absent.
@@ -91,7 +94,7 @@ impl Question {
         sampling_times_s.sort_by(|a, b| b.total_cmp(a));
         sampling_times_s.dedup();
         let mut stiffnesses_n_m = match &args.stiffness_n_m {
-            // No more than the figure has colours.
+            // At most as many as the figure has colours.
             Some(list) => accepted("--stiffness-n-m", list, ACCEPTED_STIFFNESS_N_M, "N/m", figure::LOOKS.len())?,
             None => STIFFNESS_FACTORS
                 .into_iter()

@@ -6,7 +6,7 @@ pub(crate) const LOWEST_M_S: f64 = 0.01;
 pub(crate) const RESOLUTION: f64 = 1.015;
 /// Shares of the answer at which, or near which, speeds have to be safe as well.
 const CHECKED_BELOW: [f64; 5] = [0.95, 0.9, 0.8, 0.65, 0.5];
-/// How near, as a share of the speed: what the bisection tried need not be tried again.
+/// How near, as a share of the speed: within it a speed that the bisection tried counts.
 const NEAR: f64 = 0.02;
 
 /// What the search found; `Why` says why a speed is not safe.
@@ -16,7 +16,7 @@ pub(crate) struct Found<Why> {
     pub(crate) safe_m_s: f64,
     /// The next higher speed that was tried and is not; `None` when the highest one is safe.
     pub(crate) beyond: Option<(f64, Why)>,
-    /// Whether a higher speed was safe, but one between was not.
+    /// Whether a higher speed was safe although a lower one was not.
     pub(crate) lowered: bool,
 }
 
@@ -65,7 +65,7 @@ pub(crate) fn highest_safe<Why>(
                 }
             }
         }
-        // Each round ends below the one before, so that this comes to an end.
+        // Each round ends below the one before, so this terminates.
         if failed.is_none() {
             return Ok(Found { safe_m_s: safe, beyond, lowered });
         }
@@ -73,7 +73,7 @@ pub(crate) fn highest_safe<Why>(
     }
 }
 
-/// `value` with so many significant digits: what is printed is what was tried.
+/// `value` with this many significant digits: the printed speed is the one that was tried.
 pub(crate) fn round_to_digits(value: f64, digits: i32) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return value;

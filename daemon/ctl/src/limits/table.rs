@@ -3,13 +3,14 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use admittanced::config::Config;
+use admittance_runner::config::Config;
 use comfy_table::Table;
 use serde::Serialize;
 
 use super::approach::AFTER_CONTACT_S;
-use super::cell::{AXES, Cell, FORCE_TOLERANCE_N, is_own, limited_axes};
+use super::cell::{Cell, FORCE_TOLERANCE_N, is_own, limited_axes};
 use super::{Question, search};
+use admittance_core::quantities::AXIS_NAMES;
 
 /// Everything that was asked and found.
 #[derive(Debug, Clone, Serialize)]
@@ -50,7 +51,7 @@ pub(crate) struct Limits {
     pub(crate) stiffnesses_n_m: Vec<f64>,
     /// Row by row.
     pub(crate) cells: Vec<Cell>,
-    /// What has to be known about the figures.
+    /// Notes on the figures.
     notes: Vec<String>,
 }
 
@@ -81,7 +82,7 @@ impl Limits {
             own_stiffness_n_m: config.environment.normal_stiffness_n_m,
             command_delay_s: config.control.command_delay_s,
             force_limits: limited_axes(config)
-                .map(|(axis, force_limit_n)| ForceLimit { axis: AXES[axis], force_limit_n })
+                .map(|(axis, force_limit_n)| ForceLimit { axis: AXIS_NAMES[axis], force_limit_n })
                 .collect(),
             force_tolerance_n: FORCE_TOLERANCE_N,
             instants: *instants,
@@ -158,12 +159,12 @@ pub(crate) fn text(limits: &Limits) -> String {
         list(&limits.surface_normal),
     );
     let mut table = Table::new();
-    let own = |is: bool| if is { " *" } else { "" };
+    let mark = |is_configured: bool| if is_configured { " *" } else { "" };
     table.set_header(std::iter::once("cycle time".to_owned()).chain(
-        limits.stiffnesses_n_m.iter().map(|k| format!("{} N/m{}", stiffness(*k), own(*k == limits.own_stiffness_n_m))),
+        limits.stiffnesses_n_m.iter().map(|k| format!("{} N/m{}", stiffness(*k), mark(*k == limits.own_stiffness_n_m))),
     ));
     for (time, row) in limits.sampling_times_s.iter().zip(limits.cells.chunks(limits.stiffnesses_n_m.len().max(1))) {
-        let name = format!("{} ms{}", milliseconds(*time), own(*time == limits.own_sampling_time_s));
+        let name = format!("{} ms{}", milliseconds(*time), mark(*time == limits.own_sampling_time_s));
         table.add_row(std::iter::once(name).chain(row.iter().map(entry)));
     }
     let bounds: Vec<String> =
@@ -203,7 +204,7 @@ fn list(values: &[f64]) -> String {
     format!("({})", values.collect::<Vec<_>>().join(", "))
 }
 
-/// A cycle time in ms, as short as it is exact.
+/// A cycle time in ms, in its shortest exact form.
 pub(crate) fn milliseconds(time_s: f64) -> f64 {
     (time_s * 1e9).round() / 1e6
 }

@@ -1,15 +1,16 @@
-//! Recordings: what the daemon's law was given and what it made of it, in MCAP (<https://mcap.dev>) with JSON messages whose
-//! schemas are in the file, so that Foxglove, PlotJuggler and any MCAP library open it.
+//! Recordings: the inputs and outputs of the daemon's law, in MCAP (<https://mcap.dev>) with JSON
+//! messages whose schemas are in the file, so that Foxglove, PlotJuggler and any MCAP library open
+//! it.
 //!
-//! One record of the daemon is up to three messages with its sequence: on `/state`, on `/command`, and last on `/cycle` all
-//! else. Every number comes back to the bit. Log times are CLOCK_MONOTONIC stamps moved to the calendar by one offset, which
-//! is in the metadata.
+//! One record of the daemon is up to three messages with its sequence: on `/state`, on `/command`,
+//! and last on `/cycle` all else. Every number comes back to the bit. Log times are CLOCK_MONOTONIC
+//! stamps moved to the calendar by one offset, which is in the metadata.
 
 mod reader;
 mod writer;
 
-pub(crate) use reader::{Item, Recording};
-pub(crate) use writer::RecordingWriter;
+pub use reader::{Item, Recording};
+pub use writer::RecordingWriter;
 
 /// State samples.
 const STATE: &str = "/state";
@@ -24,8 +25,14 @@ const STATE_FIELD: &str = "state";
 const COMMAND_FIELD: &str = "command";
 /// Name of the metadata record.
 const METADATA: &str = "admittanced";
-/// Start of the name of an attachment with a configuration; the sequence of the record from which on it holds follows.
+/// Start of the name of an attachment with a configuration; the sequence of the record from which
+/// on it holds follows.
 const CONFIGURATION: &str = "configuration-";
+
+/// Metadata: the version of [`RecordSample`](ipc_types::RecordSample).
+const RECORD_VERSION: &str = "record_version";
+/// The present one. Version 1 had no such key, and recorded only the contact point of the belief.
+const PRESENT_RECORD_VERSION: &str = "2";
 
 /// Name of the attachment with the configuration that holds from this record on.
 fn configuration_name(sequence: u64) -> String {

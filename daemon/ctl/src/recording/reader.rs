@@ -10,11 +10,13 @@ use mcap::read::{ChunkFlattener, LinearReader, Options};
 use mcap::records::Record;
 use serde_json::Value;
 
-use super::{COMMAND, COMMAND_FIELD, CYCLE, METADATA, STATE, STATE_FIELD, TRUTH, configuration_sequence};
+use super::{
+    COMMAND, COMMAND_FIELD, CYCLE, METADATA, RECORD_VERSION, STATE, STATE_FIELD, TRUTH, configuration_sequence,
+};
 use crate::Exit;
 
 /// A recording.
-pub(crate) struct Recording {
+pub struct Recording {
     name: String,
     bytes: Vec<u8>,
     configurations: BTreeMap<u64, String>,
@@ -22,7 +24,7 @@ pub(crate) struct Recording {
 }
 
 /// What a recording holds, in the order in which it was written.
-pub(crate) enum Item {
+pub enum Item {
     /// A record of the daemon.
     Record(Box<RecordSample>),
     /// What was true in the simulated plant.
@@ -34,7 +36,7 @@ impl Recording {
     ///
     /// # Errors
     /// 66 when it cannot be read, 65 when it is no recording.
-    pub(crate) fn open(path: &Path) -> Result<Self, (Exit, String)> {
+    pub fn open(path: &Path) -> Result<Self, (Exit, String)> {
         let bytes = std::fs::read(path).map_err(|error| (Exit::NoInput, format!("{}: {error}", path.display())))?;
         Self::from_bytes(bytes, &path.display().to_string())
     }
@@ -44,7 +46,7 @@ impl Recording {
         let malformed =
             |why: String| (Exit::DataError, format!("{name}: {why}; accepted: what admittancectl record wrote"));
         if !bytes.starts_with(mcap::MAGIC) {
-            return Err(malformed("no MCAP file".to_owned()));
+            return Err(malformed("not an MCAP file".to_owned()));
         }
         let (mut configurations, mut metadata) = (BTreeMap::new(), BTreeMap::new());
         // A chunk that is not complete ends the file; what comes before it counts.
@@ -67,21 +69,28 @@ impl Recording {
         Ok(Self { name: name.to_owned(), bytes, configurations, metadata })
     }
 
-    /// Configuration texts by the sequence of the record from which on they hold; 0 is from the first.
-    pub(crate) fn configurations(&self) -> &BTreeMap<u64, String> {
+    /// Configuration texts by the sequence of the record from which on they hold; 0 is from the
+    /// first.
+    pub fn configurations(&self) -> &BTreeMap<u64, String> {
         &self.configurations
     }
 
     /// Version, schema version, instance, and the offset of log times.
-    pub(crate) fn metadata(&self) -> &BTreeMap<String, String> {
+    pub fn metadata(&self) -> &BTreeMap<String, String> {
         &self.metadata
     }
 
-    /// Everything in it, in order. A file that breaks off simply ends; see [`Items::is_complete`].
-    pub(crate) fn items(&self) -> Items<'_> {
+    /// Whether its records keep the whole belief.
+    pub fn knows_belief(&self) -> bool {
+        self.metadata.contains_key(RECORD_VERSION)
+    }
+
+    /// Everything in it, in order. A file that breaks off simply ends.
+    pub fn items(&self) -> Items<'_> {
         let records = ChunkFlattener::new_with_options(&self.bytes, Options::IgnoreEndMagic.into()).ok();
         Items {
             name: &self.name,
+            is_complete_record: self.knows_belief(),
             records,
             topics: HashMap::new(),
             state: None,
@@ -93,8 +102,10 @@ impl Recording {
 }
 
 /// See [`Recording::items`].
-pub(crate) struct Items<'a> {
+pub struct Items<'a> {
     name: &'a str,
+    /// Whether records have all fields of today's.
+    is_complete_record: bool,
     records: Option<ChunkFlattener<'a>>,
     topics: HashMap<u16, String>,
     /// Messages of the record under way, with their sequence.
@@ -106,11 +117,11 @@ pub(crate) struct Items<'a> {
 
 impl Items<'_> {
     /// After the last item: whether the recording was ended in order.
-    pub(crate) fn is_complete(&self) -> bool {
+    pub fn is_complete(&self) -> bool {
         self.complete
     }
 
-    /// Takes a message in; a record is complete with its last one.
+    /// Takes in a message; a record is complete with its last one.
     fn message(&mut self, channel: u16, sequence: u32, data: &[u8]) -> Result<Option<Item>, String> {
         self.messages += 1;
         let topic = self.topics.get(&channel).map_or("", String::as_str);
@@ -128,6 +139,13 @@ impl Items<'_> {
                 let object = value.as_object_mut().ok_or_else(foreign)?;
                 object.insert(STATE_FIELD.to_owned(), StateSample::zeroed().to_json());
                 object.insert(COMMAND_FIELD.to_owned(), CommandSample::zeroed().to_json());
+                if !self.is_complete_record
+                    && let Value::Object(zeroed) = RecordSample::zeroed().to_json()
+                {
+                    zeroed.into_iter().for_each(|(name, value)| {
+                        object.entry(name).or_insert(value);
+                    });
+                }
                 let mut record = Box::new(RecordSample::from_json(&value).ok_or_else(foreign)?);
                 let is_its = |of: u32| of == sequence;
                 record.state = self.state.take().filter(|(of, _)| is_its(*of)).map_or(record.state, |(_, state)| state);
@@ -164,7 +182,7 @@ impl Iterator for Items<'_> {
                 }
                 Some(Ok(Record::Footer(_))) => self.complete = true,
                 Some(Ok(_)) => {}
-                // The end of a recorder that was killed, or had no room left.
+                // Its recorder was killed, or the disk was full.
                 Some(Err(McapError::UnexpectedEof | McapError::UnexpectedEoc)) | None => {
                     self.records = None;
                     return None;

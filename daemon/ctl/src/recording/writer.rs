@@ -13,25 +13,30 @@ use mcap::write::NoSeek;
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 use serde_json::Value;
 
-use super::{COMMAND, COMMAND_FIELD, CYCLE, METADATA, STATE, STATE_FIELD, TRUTH, configuration_name};
+use super::{
+    COMMAND, COMMAND_FIELD, CYCLE, METADATA, PRESENT_RECORD_VERSION, RECORD_VERSION, STATE, STATE_FIELD, TRUTH,
+    configuration_name,
+};
 
-/// Bytes of a chunk before compression at which it ends by itself, when it has not been flushed before.
+/// Bytes of a chunk before compression at which it ends by itself, when it has not been flushed
+/// before.
 const CHUNK_BYTES: u64 = 8 << 20;
 
 /// A recording being written. What was flushed stays readable, whatever happens to the process.
-pub(crate) struct RecordingWriter<W: Write> {
+pub struct RecordingWriter<W: Write> {
     writer: Writer<NoSeek<W>>,
     state: u16,
     command: u16,
     cycle: u16,
     truth: u16,
-    /// From CLOCK_MONOTONIC to the time since 1970 in ns, once and for all: later steps of the calendar clock do not matter.
+    /// From CLOCK_MONOTONIC to the time since 1970 in ns, once and for all: later steps of the
+    /// calendar clock do not matter.
     calendar_offset: u64,
 }
 
 impl<W: Write> RecordingWriter<W> {
     /// Begins a recording of a daemon with this configuration.
-    pub(crate) fn new(output: W, instance: &str, configuration: &str) -> Result<Self, McapError> {
+    pub fn new(output: W, instance: &str, configuration: &str) -> Result<Self, McapError> {
         let options = WriteOptions::new()
             .compression(Some(Compression::Lz4))
             .chunk_size(Some(CHUNK_BYTES))
@@ -45,6 +50,7 @@ impl<W: Write> RecordingWriter<W> {
         let metadata = [
             ("version", env!("CARGO_PKG_VERSION").to_owned()),
             ("schema_version", SCHEMA_VERSION.to_string()),
+            (RECORD_VERSION, PRESENT_RECORD_VERSION.to_owned()),
             ("instance", instance.to_owned()),
             ("calendar_offset_ns", calendar_offset.to_string()),
         ];
@@ -77,7 +83,7 @@ impl<W: Write> RecordingWriter<W> {
     }
 
     /// Attaches the configuration that holds from this record on; 0 is from the first.
-    pub(crate) fn configuration(&mut self, sequence: u64, text: &str) -> Result<(), McapError> {
+    pub fn configuration(&mut self, sequence: u64, text: &str) -> Result<(), McapError> {
         let now = self.calendar_offset + monotonic_ns();
         self.writer.attach(&Attachment {
             log_time: now,
@@ -89,7 +95,7 @@ impl<W: Write> RecordingWriter<W> {
     }
 
     /// Adds a record.
-    pub(crate) fn record(&mut self, record: &RecordSample) -> Result<(), McapError> {
+    pub fn record(&mut self, record: &RecordSample) -> Result<(), McapError> {
         // Viewers order messages by this time, so all of a record have the same.
         let (sequence, at) = (record.sequence, record.now_ns);
         if record.kind == RecordKind::Sample.code() {
@@ -109,7 +115,7 @@ impl<W: Write> RecordingWriter<W> {
     }
 
     /// Adds what was true in the plant.
-    pub(crate) fn truth(&mut self, truth: &TruthSample) -> Result<(), McapError> {
+    pub fn truth(&mut self, truth: &TruthSample) -> Result<(), McapError> {
         self.message(self.truth, truth.sequence, truth.stamp_ns, truth.stamp_ns, &truth.to_json())
     }
 
@@ -132,12 +138,12 @@ impl<W: Write> RecordingWriter<W> {
     }
 
     /// Ends the chunk and hands it to the system: what was added so far survives the process.
-    pub(crate) fn flush(&mut self) -> Result<(), McapError> {
+    pub fn flush(&mut self) -> Result<(), McapError> {
         self.writer.flush()
     }
 
     /// Ends the recording with its index.
-    pub(crate) fn finish(mut self) -> Result<(), McapError> {
+    pub fn finish(mut self) -> Result<(), McapError> {
         self.writer.finish()?;
         Ok(self.writer.into_inner().into_inner().flush()?)
     }

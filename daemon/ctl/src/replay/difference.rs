@@ -1,4 +1,4 @@
-//! In what two answers differ, and by how much.
+//! Where two answers differ, and by how much.
 
 use std::fmt::{Display, Formatter, Result};
 
@@ -10,12 +10,12 @@ use serde_json::Value;
 pub(crate) struct Difference(Vec<(String, String, String, String)>);
 
 impl Difference {
-    /// Of a value that is not part of a sample.
+    /// Compares a value that is not part of a sample.
     pub(crate) fn of(field: &str, recorded: impl Display, replayed: impl Display) -> Self {
         Self(vec![(field.to_owned(), recorded.to_string(), replayed.to_string(), String::new())])
     }
 
-    /// Of two samples as JSON, field by field and element by element.
+    /// Compares two samples as JSON, field by field and element by element.
     pub(crate) fn between(recorded: &Value, replayed: &Value) -> Self {
         let mut difference = Self::default();
         difference.compare("", recorded, replayed);
@@ -37,13 +37,13 @@ impl Difference {
             }
             _ => {
                 // As text: as numbers 0 and −0 are the same.
-                let (one, other) = (recorded.to_string(), replayed.to_string());
-                if one != other {
+                let (before, after) = (recorded.to_string(), replayed.to_string());
+                if before != after {
                     let by = match (recorded.as_f64(), replayed.as_f64()) {
-                        (Some(one), Some(other)) => format!("{:e}", other - one),
+                        (Some(before), Some(after)) => format!("{:e}", after - before),
                         _ => String::new(),
                     };
-                    self.0.push((path.to_owned(), one, other, by));
+                    self.0.push((path.to_owned(), before, after, by));
                 }
             }
         }

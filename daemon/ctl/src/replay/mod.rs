@@ -1,13 +1,15 @@
-//! `admittancectl replay`: the daemon's law over the recorded samples again, and its answers against the recorded ones, bit by
-//! bit.
+//! `admittancectl replay`: the daemon's law over the recorded samples again, and its answers
+//! against the recorded ones, bit by bit.
 
+mod counts;
 mod difference;
+mod event;
 mod session;
 
 use std::path::PathBuf;
 
 use admittance_host::config;
-use admittanced::config::Config;
+use admittance_runner::config::Config;
 
 use crate::Exit;
 use crate::recording::{Item, Recording};
@@ -23,7 +25,8 @@ use session::{RUN_IN, Session};
 pub(crate) struct Args {
     /// What admittancectl record wrote.
     file: PathBuf,
-    /// Replay with this configuration in place of the recorded one: the first cycle that differs then shows what it changes.
+    /// Replay with this configuration in place of the recorded one: the first cycle that differs
+    /// then shows what it changes.
     #[arg(long)]
     config: Option<PathBuf>,
 }
@@ -40,7 +43,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     };
     let name = args.config.as_ref().map_or("the recorded configuration".into(), |path| path.display().to_string());
     let config: Config = config::parse(&text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
-    let mut session = Session::new(config, recording.configurations())?;
+    let mut session = Session::new(config, recording.configurations(), recording.knows_belief())?;
     let version = recording.metadata().get("version").map_or("unknown", String::as_str);
     if version != env!("CARGO_PKG_VERSION") {
         println!("recorded with version {version}, replayed with {}", env!("CARGO_PKG_VERSION"));
@@ -62,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     }
     session.remarks().iter().for_each(|remark| println!("{remark}"));
     if !items.is_complete() {
-        println!("the recording breaks off: its recorder was killed, or had no room left");
+        println!("the recording breaks off: its recorder was killed, or the disk was full");
     }
     if session.compared() == 0 {
         return Err((

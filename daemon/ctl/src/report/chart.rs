@@ -1,5 +1,6 @@
-//! Line charts on plotters' SVG backend, which knows neither dashes nor fractions of a pixel: it draws on a canvas ten times
-//! as fine as the picture, and each line's dash pattern is added to the finished SVG by the line's colour.
+//! Line charts on plotters' SVG backend, which knows neither dashes nor fractions of a pixel: it
+//! draws on a canvas ten times as fine as the picture, and each line's dash pattern is added to the
+//! finished SVG by the line's colour.
 
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -23,66 +24,80 @@ const GRID: RGBColor = RGBColor(0xE4, 0xE4, 0xE4);
 
 /// How a line looks. No two lines of a chart may share a colour: dashes are told apart by it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct LineStyle {
+pub struct LineStyle {
     /// Colour.
-    pub(crate) color: RGBColor,
+    pub color: RGBColor,
     /// Width in px.
-    pub(crate) width: f64,
+    pub width: f64,
     /// Lengths in px of strokes and gaps, in turn; empty is a solid line.
-    pub(crate) dash: &'static [f64],
+    pub dash: &'static [f64],
 }
 
 /// One line of a panel with its points in the panel's units.
 #[derive(Debug, Clone)]
-pub(crate) struct Line {
-    pub(crate) style: LineStyle,
-    pub(crate) points: Vec<(f64, f64)>,
+pub struct Line {
+    /// How it is drawn.
+    pub style: LineStyle,
+    /// x and y.
+    pub points: Vec<(f64, f64)>,
 }
 
 /// A line of text at a point of the panel, next to what it names.
 #[derive(Debug, Clone)]
-pub(crate) struct Note {
-    pub(crate) text: String,
-    pub(crate) at: (f64, f64),
-    pub(crate) color: RGBColor,
+pub struct Note {
+    /// The text.
+    pub text: String,
+    /// Where it begins, x and y.
+    pub at: (f64, f64),
+    /// Its colour.
+    pub color: RGBColor,
 }
 
 /// One coordinate system.
 #[derive(Debug, Clone)]
-pub(crate) struct Panel {
-    pub(crate) x: Range<f64>,
-    pub(crate) y: Range<f64>,
-    pub(crate) x_label: String,
-    pub(crate) y_label: String,
-    /// Whether both axes are logarithmic; their ranges are then above zero, and all points within them.
-    pub(crate) logarithmic: bool,
+pub struct Panel {
+    /// Range of x.
+    pub x: Range<f64>,
+    /// Range of y.
+    pub y: Range<f64>,
+    /// What x is, with its unit.
+    pub x_label: String,
+    /// What y is, with its unit.
+    pub y_label: String,
+    /// Whether both axes are logarithmic; their ranges are then above zero, and all points within
+    /// them.
+    pub logarithmic: bool,
     /// Closed polygons below all lines.
-    pub(crate) areas: Vec<(RGBColor, Vec<(f64, f64)>)>,
-    pub(crate) lines: Vec<Line>,
-    pub(crate) notes: Vec<Note>,
+    pub areas: Vec<(RGBColor, Vec<(f64, f64)>)>,
+    /// Its lines.
+    pub lines: Vec<Line>,
+    /// What is written beside them.
+    pub notes: Vec<Note>,
 }
 
 /// A figure: panels of equal height, one below the other, under one legend.
 #[derive(Debug, Clone)]
-pub(crate) struct Chart {
+pub struct Chart {
     /// Width and height in px, legend included.
-    pub(crate) size: (u32, u32),
-    /// What a screen reader says in place of the picture.
-    pub(crate) description: String,
-    pub(crate) legend: Vec<(LineStyle, String)>,
-    pub(crate) panels: Vec<Panel>,
+    pub size: (u32, u32),
+    /// Alternative text for screen readers.
+    pub description: String,
+    /// Names of the lines.
+    pub legend: Vec<(LineStyle, String)>,
+    /// From top to bottom.
+    pub panels: Vec<Panel>,
 }
 
 /// Space around the plot area of every panel, in px.
-pub(crate) const LEFT_PX: u32 = 72;
-pub(crate) const BOTTOM_PX: u32 = 48;
-pub(crate) const MARGIN_PX: u32 = 12;
+const LEFT_PX: u32 = 72;
+const BOTTOM_PX: u32 = 48;
+const MARGIN_PX: u32 = 12;
 /// Legend entries in one row.
 const LEGEND_COLUMNS: usize = 3;
 
 impl Chart {
     /// Height in px that the legend takes.
-    pub(crate) fn legend_px(entries: usize) -> u32 {
+    pub fn legend_px(entries: usize) -> u32 {
         entries.div_ceil(LEGEND_COLUMNS) as u32 * LEGEND_ROW_PX + 8
     }
 
@@ -90,7 +105,7 @@ impl Chart {
     ///
     /// # Errors
     /// What plotters says about a coordinate system that it cannot draw.
-    pub(crate) fn svg(&self) -> Result<String, String> {
+    pub fn svg(&self) -> Result<String, String> {
         let mut svg = String::new();
         self.draw(&mut svg).map_err(|error| error.to_string())?;
         Ok(self.finish(&svg))
@@ -120,7 +135,7 @@ impl Chart {
         Ok(())
     }
 
-    /// Picture size, description, dashes and subscripts: what plotters has no words for.
+    /// Picture size, description, dashes and subscripts, which plotters cannot express.
     fn finish(&self, svg: &str) -> String {
         let (width, height) = self.size;
         let head_end = svg.find('>').map_or(0, |i| i + 1);
@@ -218,7 +233,8 @@ fn tick_step(range: &Range<f64>, labels: u32) -> f64 {
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|n| n * decade).find(|step| *step >= least * 0.999).unwrap_or(decade)
 }
 
-/// A tick label with as many decimals as its step needs, and a minus sign that is as wide as a digit.
+/// A tick label with as many decimals as its step needs, and a minus sign that is as wide as a
+/// digit.
 fn tick(value: f64, step: f64) -> String {
     let decimals = (-step.log10().floor()).max(0.0) as usize;
     let text = format!("{value:.decimals$}");
@@ -247,7 +263,7 @@ fn subscripts(svg: &str) -> String {
 }
 
 /// Text as XML content.
-pub(crate) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-/// The pieces of the polyline inside the rectangle, in order. A point that is not finite ends a piece.
+/// The pieces of the polyline inside the rectangle, in order. A point that is not finite ends a
+/// piece.
 pub(crate) fn clip(points: &[(f64, f64)], x: &Range<f64>, y: &Range<f64>) -> Vec<Vec<(f64, f64)>> {
     let mut pieces: Vec<Vec<(f64, f64)>> = Vec::new();
     let mut end = None;

@@ -1,5 +1,6 @@
-//! The figures: force and velocity offset over time, the whole of it and at first contact, and the path of the TCP. Of the demo
-//! they are figures 3, 4 and 5 of the paper, with the default profile beside its three.
+//! The figures: force and velocity offset over time, the whole of it and at first contact, and the
+//! path of the TCP. Of the demo they are figures 3, 4 and 5 of the paper, with the default profile
+//! beside its three.
 
 use std::ops::Range;
 
@@ -10,8 +11,9 @@ use plotters::style::RGBColor;
 use super::chart::{Chart, Line, LineStyle, Note, Panel};
 use crate::demo::{LIMIT_N, Run};
 
-/// One look per curve, distinguishable without colour: the paper's dashed, dash-dotted and solid, and a dotted one. The demo's fifth
-/// controller is in the table only: the default profile with a detected contact point lies on the default profile.
+/// One look per curve, distinguishable without colour: the paper's dashed, dash-dotted and solid,
+/// and a dotted one. The demo's fifth controller is in the table only: the default profile with a
+/// detected contact point lies on the default profile.
 const STYLES: [LineStyle; 4] = [
     LineStyle { color: RGBColor(0xC4, 0x4E, 0x12), width: 1.4, dash: &[7.0, 4.0] },
     LineStyle { color: RGBColor(0x5B, 0x3F, 0xA0), width: 1.4, dash: &[9.0, 3.0, 2.0, 3.0] },
@@ -33,7 +35,7 @@ pub(super) struct Curve {
     pub(super) path: Vec<(f64, f64)>,
 }
 
-/// What of the curves is in a picture over time.
+/// Which part of the curves a picture over time shows.
 pub(super) struct Window {
     /// s.
     pub(super) time: Range<f64>,
@@ -144,7 +146,7 @@ fn draw_surface(panel: &mut Panel, point: [f64; 3], normal: [f64; 3]) {
     let (x, y) = (panel.x.clone(), panel.y.clone());
     let slope = -normal[0] / normal[1];
     let height = |at: f64| (point[1] + slope * (at - point[0])).clamp(y.start, y.end);
-    // Where the surface leaves the picture it has a corner of its own.
+    // The material's outline has a corner where the surface leaves the picture.
     let leaves = point[0] + (y.start - point[1]) / slope;
     let corner = leaves.clamp(x.start, x.end);
     panel.areas.push((

@@ -1,7 +1,8 @@
-//! Reports: figures 3, 4 and 5 of the paper as SVG, with the table and the raw series of the demo, or of a recording.
+//! Reports: figures 3, 4 and 5 of the paper as SVG, with the table and the raw series of the demo,
+//! or of a recording.
 
 mod axis;
-pub(crate) mod chart;
+pub mod chart;
 mod clip;
 mod figures;
 mod of_recording;

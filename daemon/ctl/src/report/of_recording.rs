@@ -5,15 +5,16 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use admittance_core::quantities::{AXIS_NAMES, Instant};
+use admittance_core::with_arm;
 use admittance_host::config;
-use admittanced::config::Config;
+use admittance_runner::config::Config;
 use ipc_types::{RecordKind, RecordSample, StateSample, StopReason, TruthSample};
 
 use super::chart::{Chart, escape};
 use super::figures::{Curve, Window, over_time, paths};
 use super::{TAIL, head, table_row, write_figure};
 use crate::Exit;
-use crate::diagnostics::AXES;
 use crate::recording::{Item, Recording};
 
 /// What is shown before and after the first contact, in s.
@@ -78,8 +79,9 @@ impl Series {
         let mut series = Self::default();
         let mut start = None;
         let mut seconds = |stamp_ns: u64| {
-            let start = *start.get_or_insert(stamp_ns);
-            if stamp_ns >= start { (stamp_ns - start) as f64 * 1e-9 } else { -((start - stamp_ns) as f64 * 1e-9) }
+            let stamp = Instant::from_nanoseconds(stamp_ns);
+            let start = *start.get_or_insert(stamp);
+            if stamp >= start { stamp.since(start).seconds() } else { -start.since(stamp).seconds() }
         };
         let mut items = recording.items();
         for item in items.by_ref() {
@@ -105,7 +107,7 @@ impl Series {
             self.first_contact_s.get_or_insert(time_s);
         }
         if self.stop.is_none() {
-            self.stop = StopReason::from_code(record.command.stop_reason).filter(|reason| *reason != StopReason::None);
+            self.stop = StopReason::from_code(record.command.stop_reason);
         }
         self.measured.push(Point {
             time_s,
@@ -123,7 +125,7 @@ impl Series {
             self.measured.iter().map(|point| point.force[axis].abs() / limit).fold(0.0, f64::max)
         };
         let controlled = (0..config.robot.task_axes as usize).filter(|axis| config.contact.admittance_axes[*axis]);
-        controlled.max_by(|one, other| share(*one).total_cmp(&share(*other))).unwrap_or(0)
+        controlled.max_by(|a, b| share(*a).total_cmp(&share(*b))).unwrap_or(0)
     }
 }
 
@@ -137,12 +139,8 @@ fn tcp_position(config: &Config, state: &StateSample) -> Option<[f64; 3]> {
         let joints: [f64; N] = std::array::from_fn(|joint| state.joint_position[joint]);
         Some(config.robot.chain::<N>()?.kinematics(&joints.into()).pose.position.into())
     }
-    match config.robot.joint.len() {
-        2 => of::<2>(config, state),
-        6 => of::<6>(config, state),
-        7 => of::<7>(config, state),
-        _ => None,
-    }
+    let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
+    with_arm!((joints, axes), <N, _D> => of::<N>(config, state), else None)
 }
 
 fn write(directory: &Path, file: &str, text: &str, config: &Config, series: &Series) -> io::Result<()> {
@@ -162,7 +160,7 @@ fn figures(config: &Config, series: &Series) -> Vec<(u32, &'static str, Chart)> 
     // Over the axis of the force the one along which the TCP goes furthest.
     let travel = |of: usize| width(&range(series.measured.iter().map(|point| point.tcp_m[of])));
     let up = if axis < 3 { axis } else { 2 };
-    let along = (0..3).filter(|of| *of != up).max_by(|one, other| travel(*one).total_cmp(&travel(*other))).unwrap_or(0);
+    let along = (0..3).filter(|of| *of != up).max_by(|a, b| travel(*a).total_cmp(&travel(*b))).unwrap_or(0);
     let curves: Vec<Curve> = [("measured, commanded", &series.measured), ("true, in force", &series.truth)]
         .into_iter()
         .filter(|(_, points)| !points.is_empty())
@@ -183,7 +181,7 @@ fn figures(config: &Config, series: &Series) -> Vec<(u32, &'static str, Chart)> 
         Window { force: roomy(&force), offset: roomy(&offset), time }
     };
     let whole = range(every().map(|point| point.time_s));
-    let name = AXES[axis];
+    let name = AXIS_NAMES[axis];
     let mut figures = vec![(
         3,
         "contact force and velocity offset",
@@ -197,7 +195,11 @@ fn figures(config: &Config, series: &Series) -> Vec<(u32, &'static str, Chart)> 
         let initial =
             over_time(&curves, name, limit, window(time.clone()), "Contact force and velocity offset at first contact");
         figures.push((4, "the same, initial contact phase", initial));
-        figures.push((5, "TCP trajectory in the initial contact phase", paths(&curves, [AXES[along], AXES[up]], x, y)));
+        figures.push((
+            5,
+            "TCP trajectory in the initial contact phase",
+            paths(&curves, [AXIS_NAMES[along], AXIS_NAMES[up]], x, y),
+        ));
     }
     figures
 }
@@ -210,7 +212,7 @@ fn table(config: &Config, series: &Series) -> String {
     let count = |of: fn(&ipc_types::CommandSample) -> u64| command.as_ref().map_or(0, of).to_string();
     let mut rows = vec![
         ("cycles".to_owned(), series.cycles.to_string()),
-        (format!("peak measured |f_{}| in {unit}", AXES[axis]), format!("{:.1}", peak(&series.measured))),
+        (format!("peak measured |f_{}| in {unit}", AXIS_NAMES[axis]), format!("{:.1}", peak(&series.measured))),
         (format!("force limit in {unit}"), config.contact.force_limit[axis].to_string()),
         (
             "contacts lost since the daemon's start".to_owned(),
@@ -224,11 +226,11 @@ fn table(config: &Config, series: &Series) -> String {
     if !series.truth.is_empty() {
         rows.insert(
             2,
-            (format!("peak true |f_{}| in {unit} at samples", AXES[axis]), format!("{:.1}", peak(&series.truth))),
+            (format!("peak true |f_{}| in {unit} at samples", AXIS_NAMES[axis]), format!("{:.1}", peak(&series.truth))),
         );
     }
     if !series.complete {
-        rows.push(("end".to_owned(), "breaks off: its recorder was killed, or had no room left".to_owned()));
+        rows.push(("end".to_owned(), "breaks off: its recorder was killed, or the disk was full".to_owned()));
     }
     let rows: String = rows.into_iter().map(|(what, value)| table_row(&[what, value], "td")).collect();
     format!("<table>\n{rows}</table>\n")

@@ -1,10 +1,12 @@
 //! `admittancectl set-force-limit`, `set-environment` and `set-law`.
 
+use admittance_core::quantities::AXIS_NAMES;
+use admittance_runner::config::LawName;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use ipc_types::{Law, RequestKind, RequestSample};
 
 use super::{request, tell};
 use crate::Exit;
-use crate::diagnostics::AXES;
 use crate::target::Target;
 
 #[derive(Debug, clap::Args)]
@@ -43,12 +45,10 @@ pub(crate) struct SetEnvironmentArgs {
 }
 
 /// The laws by the names that the configuration gives them.
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum LawName {
-    /// MPC-based admittance control.
-    Mpc,
-    /// Classic admittance control, with [damping] of the configuration.
-    Damping,
+fn laws() -> impl TypedValueParser<Value = Law> {
+    let name = |law: &Law| LawName::of(*law).name();
+    PossibleValuesParser::new(Law::ALL.iter().map(name))
+        .map(move |text| *Law::ALL.iter().find(|law| name(law) == text).expect("one of the names that are accepted"))
 }
 
 #[derive(Debug, clap::Args)]
@@ -58,15 +58,17 @@ enum LawName {
 )]
 pub(crate) struct SetLawArgs {
     /// The law from now on.
-    law: LawName,
+    #[arg(value_parser = laws())]
+    law: Law,
     #[command(flatten)]
     target: Target,
 }
 
 fn axis_and_value(text: &str) -> Result<(usize, f64), String> {
-    let accepted = || format!("accepted: AXIS=LIMIT with an axis of {} and a number, such as x=120", AXES.join(" "));
+    let accepted =
+        || format!("accepted: AXIS=LIMIT with an axis of {} and a number, such as x=120", AXIS_NAMES.join(" "));
     let (axis, value) = text.split_once('=').ok_or_else(accepted)?;
-    let axis = AXES.iter().position(|name| *name == axis).ok_or_else(accepted)?;
+    let axis = AXIS_NAMES.iter().position(|name| *name == axis).ok_or_else(accepted)?;
     Ok((axis, value.parse().map_err(|_| accepted())?))
 }
 
@@ -95,11 +97,7 @@ pub(crate) fn set_environment(args: &SetEnvironmentArgs) -> Result<Exit, (Exit, 
 }
 
 pub(crate) fn set_law(args: &SetLawArgs) -> Result<Exit, (Exit, String)> {
-    let law = match args.law {
-        LawName::Mpc => Law::Mpc,
-        LawName::Damping => Law::Damping,
-    };
-    tell(&args.target, RequestSample { law: law.code(), ..request(RequestKind::SetLaw) })
+    tell(&args.target, RequestSample { law: args.law.code(), ..request(RequestKind::SetLaw) })
 }
 
 #[cfg(test)]

@@ -30,8 +30,8 @@ pub(crate) struct DisableArgs {
 pub(crate) struct ResetArgs {
     #[command(flatten)]
     target: Target,
-    /// Reset although the commanded motion points into the surface or the force is above the release threshold. Control
-    /// resumes at once, in contact.
+    /// Reset although the commanded motion points into the surface or the force is above the
+    /// release threshold. Control resumes at once, in contact.
     #[arg(long)]
     force: bool,
 }

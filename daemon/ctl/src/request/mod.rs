@@ -21,15 +21,15 @@ pub(crate) use status::{StatusArgs, status};
 
 /// How long a request stays valid.
 const DEADLINE: Duration = Duration::from_secs(2);
-/// How much longer its answer is waited for.
+/// How much longer to wait for the answer.
 const GRACE: Duration = Duration::from_secs(1);
 
 /// A request of a kind, with nothing given.
-pub(crate) fn request(kind: RequestKind) -> RequestSample {
+pub fn request(kind: RequestKind) -> RequestSample {
     RequestSample { kind: kind.code(), ..RequestSample::zeroed() }
 }
 
-/// Asks, prints what was done or why it was refused, and says so by the exit code.
+/// Sends the request, prints what was done or why it was refused, and returns the exit code.
 fn tell(target: &Target, request: RequestSample) -> Result<Exit, (Exit, String)> {
     let (node, settings) = target.connect()?;
     let response = ask(&node, &settings, request)?;
@@ -38,11 +38,7 @@ fn tell(target: &Target, request: RequestSample) -> Result<Exit, (Exit, String)>
 }
 
 /// Asks the daemon, and waits for its answer.
-pub(crate) fn ask(
-    node: &Node,
-    settings: &IpcSettings,
-    request: RequestSample,
-) -> Result<ResponseSample, (Exit, String)> {
+pub fn ask(node: &Node, settings: &IpcSettings, request: RequestSample) -> Result<ResponseSample, (Exit, String)> {
     let unavailable = |why: String| (Exit::Unavailable, why);
     let service =
         services::request(node, &settings.instance, Access::Open).map_err(|error| unavailable(error.to_string()))?;

@@ -1,5 +1,6 @@
 //! `admittancectl status`.
 
+use admittance_core::quantities::Span;
 use ipc_types::{Law, Mode, Motion, RequestKind, ResponseSample, StopReason, Verdict};
 use serde_json::json;
 
@@ -63,13 +64,13 @@ pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
                 println!("{what:<17} {cells}");
             }
         }
-        println!("up                {:.1} s", response.uptime_ns as f64 * 1e-9);
+        println!("up                {:.1} s", Span::from_nanoseconds(response.uptime_ns).seconds());
     }
     Ok(Exit::Ok)
 }
 
 fn law_name(response: &ResponseSample) -> &'static str {
-    Law::from_code(response.law).map_or("unknown", Law::name)
+    Law::name_of(response.law)
 }
 
 fn enabled_text(response: &ResponseSample) -> &'static str {
@@ -83,11 +84,11 @@ fn coordinates(values: &[f64; 3]) -> String {
 fn json_of(response: &ResponseSample) -> serde_json::Value {
     json!({
         "text": response.text(),
-        "mode": Mode::from_code(response.mode).map(Mode::name),
-        "motion": Motion::from_code(response.motion).map(Motion::name),
-        "stop_reason": StopReason::from_code(response.stop_reason).map(StopReason::name),
+        "mode": Mode::name_of(response.mode),
+        "motion": Motion::name_of(response.motion),
+        "stop_reason": StopReason::name_of(response.stop_reason),
         "active_axes": response.active_axes,
-        "verdict": Verdict::from_code(response.verdict).map(Verdict::name),
+        "verdict": Verdict::name_of(response.verdict),
         "verdict_margin": response.verdict_margin,
         "verdict_time_s": response.verdict_time_s,
         "state_sequence": response.state_sequence,
@@ -102,7 +103,7 @@ fn json_of(response: &ResponseSample) -> serde_json::Value {
         "wrench": response.wrench,
         "wrench_bias": response.wrench_bias,
         "force_limit": response.force_limit,
-        "law": Law::from_code(response.law).map(Law::name),
+        "law": Law::name_of(response.law),
         "enabled": response.enabled == 1,
         "normal_stiffness_n_m": response.normal_stiffness_n_m,
         "surface_normal": response.surface_normal,

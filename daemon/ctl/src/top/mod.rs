@@ -18,7 +18,7 @@ use view::View;
 
 /// Between two looks at keys and diagnostics.
 const TURN: Duration = Duration::from_millis(50);
-/// A daemon that says nothing for so long is shown as silent.
+/// After this long without diagnostics the daemon is shown as silent.
 const SILENT: Duration = Duration::from_secs(1);
 /// Changes of mode that are kept.
 const CHANGES: usize = 100;
@@ -64,7 +64,7 @@ impl Watched {
         (self.sample, self.heard) = (*sample, Instant::now());
     }
 
-    /// How long nothing was heard, if that is long.
+    /// How long the daemon has been silent, if that is long.
     fn silent_for(&self) -> Option<Duration> {
         Some(self.heard.elapsed()).filter(|silence| *silence >= SILENT)
     }
@@ -108,7 +108,7 @@ fn watch(
         terminal.draw(|frame| frame.render_widget(View(&watched), frame.area()))?;
         let has_key = match event::poll(TURN) {
             Ok(has_key) => has_key,
-            // A signal: the loop's condition sees to it.
+            // A signal: the loop's condition handles it.
             Err(error) if error.kind() == io::ErrorKind::Interrupted => false,
             Err(error) => return Err(error),
         };

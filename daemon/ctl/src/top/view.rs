@@ -8,7 +8,8 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Gauge, List, Paragraph, Row, Table, Widget};
 
 use super::Watched;
-use crate::diagnostics::{AXES, latencies, mode_text, verdict_text};
+use crate::diagnostics::{latencies, mode_text, verdict_text};
+use admittance_core::quantities::AXIS_NAMES;
 
 /// Part of a limit from which on a force is drawn as near it.
 const NEAR: f64 = 0.8;
@@ -50,7 +51,7 @@ impl View<'_> {
         ]);
         let second = match self.0.silent_for() {
             Some(silence) => Line::styled(
-                format!("no word for {:.0} s: ended, or stopped by a debugger or SIGSTOP?", silence.as_secs_f64()),
+                format!("silent for {:.0} s: ended, or stopped by a debugger or SIGSTOP?", silence.as_secs_f64()),
                 bold.fg(Color::Red),
             ),
             None => {
@@ -61,7 +62,7 @@ impl View<'_> {
     }
 
     fn changes(&self, area: Rect, buffer: &mut Buffer) {
-        // The newest first: it must be seen however small the terminal is.
+        // The newest first: it must be visible on any terminal size.
         let lines = self.0.changes.iter().rev().map(|(at, what)| format!("{:>9.1} s  {what}", *at as f64 * 1e-9));
         List::new(lines).block(Block::bordered().title("Mode (time since start)")).render(area, buffer);
     }
@@ -78,7 +79,7 @@ fn mode_color(sample: &DiagnosticsSample) -> Color {
 
 /// Axes with a force limit.
 fn controlled(sample: &DiagnosticsSample) -> impl Iterator<Item = usize> {
-    (0..(sample.task_axes as usize).min(AXES.len())).filter(|axis| sample.force_limit[*axis] > 0.0)
+    (0..(sample.task_axes as usize).min(AXIS_NAMES.len())).filter(|axis| sample.force_limit[*axis] > 0.0)
 }
 
 fn render_forces(sample: &DiagnosticsSample, area: Rect, buffer: &mut Buffer) {
@@ -98,7 +99,7 @@ fn render_forces(sample: &DiagnosticsSample, area: Rect, buffer: &mut Buffer) {
         Gauge::default()
             .gauge_style(Style::new().fg(color))
             .ratio(if share.is_finite() { share } else { 0.0 })
-            .label(format!("{contact}{:<2} {force:>9.1} of {limit:.1} {unit}", AXES[axis]))
+            .label(format!("{contact}{:<2} {force:>9.1} of {limit:.1} {unit}", AXIS_NAMES[axis]))
             .render(row, buffer);
     }
 }

@@ -1,10 +1,12 @@
-//! Problems (18) for the tests of the condensation: on the paper's arm, and arbitrary ones for any arm.
+//! Problems (18) for the tests of the condensation: on the paper's arm, and arbitrary ones for any
+//! arm.
 
-use admittance_core::condensation::{Capacity, InputAxes, MpcRows, Prediction, Slack, Workspace};
-use admittance_core::constraints::{AxisBound, Constraints, ForceBounds, Interval, Softened};
-use admittance_core::cost::{SetPoint, Weights};
-use admittance_core::horizon::Horizon;
-use admittance_core::model::{Discretization, Model, State};
+use admittance_core::mpc::condensation::{Capacity, InputAxes, MpcRows, Prediction, Slack, Workspace};
+use admittance_core::mpc::constraints::{AxisBound, Constraints, ForceBounds, Softened};
+use admittance_core::mpc::cost::{SetPoint, Weights};
+use admittance_core::mpc::horizon::Horizon;
+use admittance_core::mpc::model::{Discretization, Model, State};
+use admittance_core::robot::Interval;
 use nalgebra::{SMatrix, SVector, Vector2};
 
 use super::{joint_weights, model, parameters, pushing, task_weights};
@@ -31,8 +33,8 @@ pub(crate) fn first_reached(discretization: Discretization) -> usize {
 /// N in one unit of the slack variable.
 pub(crate) const SLACK_UNIT: f64 = 100.0;
 
-/// A problem (18) on the paper's arm: in contact with `force` N, approaching at `speed`, the joints moving accordingly
-/// times `moving`.
+/// A problem (18) on the paper's arm: in contact with `force` N, approaching at `speed`, the joints
+/// moving accordingly times `moving`.
 pub(crate) struct Case {
     pub(crate) discretization: Discretization,
     pub(crate) axes: [bool; 2],
@@ -62,7 +64,7 @@ impl Case {
             joint_position: q,
             joint_velocity: velocity(&sample.twist_reference) * self.moving,
             // The estimate lags behind.
-            wrench: sample.wrench * 0.8,
+            wrench: sample.wrench.0.fixed_rows::<2>(0) * 0.8,
         };
         let mut bounds = ForceBounds::none();
         for axis in (0..2).filter(|&axis| self.axes[axis]) {
@@ -108,7 +110,8 @@ pub(crate) fn cases() -> Vec<Case> {
         for weights in [joint_weights(), task_weights()] {
             for steps in [&UNIFORM[..], &UNEVEN[..]] {
                 for estimate in [0.020, 0.0] {
-                    // At ease; pressing near f_max and still going in; hardly touching and leaving.
+                    // An easy contact; pressing near f_max and still going in; hardly touching and
+                    // leaving.
                     for (force, speed, moving) in [(60.0, 0.05, 0.0), (205.0, 0.08, 0.3), (12.0, -0.03, 0.3)] {
                         for discretization in DISCRETIZATIONS {
                             cases.push(Case { discretization, axes, weights, steps, estimate, force, speed, moving });
@@ -121,7 +124,8 @@ pub(crate) fn cases() -> Vec<Case> {
     cases
 }
 
-/// Numbers between −1 and 1 that look random and are the same in every run (Knuth's generator for 64 bits).
+/// Numbers between −1 and 1 that look random and are the same in every run (Knuth's generator for
+/// 64 bits).
 pub(crate) struct Numbers(pub(crate) u64);
 
 impl Numbers {
@@ -152,12 +156,13 @@ impl Numbers {
     }
 }
 
-/// What an arbitrary problem is made of; the numbers in it come from [`Numbers`].
+/// The shape of an arbitrary problem; its numbers come from [`Numbers`].
 #[derive(Debug, Clone)]
 pub(crate) struct Shape {
     pub(crate) discretization: Discretization,
     pub(crate) steps: Vec<f64>,
-    /// How many axes have an input: the last ones, so that an axis and its position among the inputs differ.
+    /// How many axes have an input: the last ones, so that an axis and its position among the
+    /// inputs differ.
     pub(crate) inputs: usize,
     pub(crate) by_task: bool,
     /// T_est of even and of odd axes in s.
@@ -335,7 +340,7 @@ pub(crate) fn workspace<const N: usize, const D: usize>(
     weights: &Weights<N, D>,
 ) -> Workspace<Vec<f64>> {
     let capacity = Capacity::new::<N, D>(horizon.steps().len());
-    // What an earlier cycle left must not show.
+    // An earlier cycle must leave no trace.
     Workspace::new(horizon, weights, vec![f64::NAN; capacity.storage_len()]).expect("long enough")
 }
 

@@ -2,11 +2,12 @@
 
 use std::collections::VecDeque;
 
-use admittance_core::mode::{Mode, StopReason};
-use admittance_core::outcome::{Motion, Outcome};
-use admittance_core::parameters::Parameters;
-use admittance_core::qp::{ActiveSet, Answer, Qp, QpOutcome, QpSolver};
-use admittance_core::sample::Sample;
+use admittance_core::Outcome;
+use admittance_core::Parameters;
+use admittance_core::intake::Sample;
+use admittance_core::mpc::qp::{ActiveSet, Answer, Qp, QpOutcome, QpSolver};
+use admittance_core::vocabulary::Motion;
+use admittance_core::vocabulary::{ModeName as Mode, StopReason};
 use nalgebra::Vector2;
 
 use super::{PlanarController, active_set, controller, pressing, pushing, step};
@@ -19,7 +20,7 @@ pub(crate) enum Script {
     Fail,
     /// Claims infeasibility with the same multiplier on every row.
     Claim(f64),
-    /// Claims a solution that is none.
+    /// Claims a solution that is wrong.
     Lie(f64),
 }
 
@@ -89,13 +90,20 @@ pub(crate) fn close(a: &Vector2<f64>, b: &Vector2<f64>) -> bool {
 
 pub(crate) fn assert_held(outcome: &Outcome<2, 2>, reason: StopReason, what: &str) {
     assert_eq!(
-        (outcome.motion, outcome.mode, outcome.stop_reason),
+        (outcome.movement.motion, outcome.mode, outcome.stop_reason),
         (Motion::Hold, Mode::Stopped, Some(reason)),
         "{what}"
     );
-    assert_eq!((outcome.velocity_offset, outcome.twist_command), (Vector2::zeros(), Vector2::zeros()), "{what}");
+    assert_eq!(
+        (outcome.movement.velocity_offset, outcome.movement.twist_command),
+        (Vector2::zeros(), Vector2::zeros()),
+        "{what}"
+    );
 }
 
 pub(crate) fn assert_stopping(outcome: &Outcome<2, 2>, reason: StopReason) {
-    assert_eq!((outcome.motion, outcome.mode, outcome.stop_reason), (Motion::Offset, Mode::Stopping, Some(reason)));
+    assert_eq!(
+        (outcome.movement.motion, outcome.mode, outcome.stop_reason),
+        (Motion::Offset, Mode::Stopping, Some(reason))
+    );
 }

@@ -1,0 +1,226 @@
+//! The belief about the surface: which axes touch it, where it is, and which force f̂ should
+//! therefore show. The only part of the core that learns.
+//!
+//! ```
+//! use admittance_core::Controller;
+//! # use admittance_core::mpc::ActiveSet;
+//! # mod planar { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/doc/planar_arm.rs")); }
+//! # let parameters = planar::planar_arm();
+//! # let capacity = parameters.solver_capacity();
+//! # let solver = ActiveSet::new(capacity, 100, vec![0.0; capacity.storage_len()]).unwrap();
+//! # let storage = vec![0.0; parameters.storage_len()];
+//!
+//! // What is told is believed, until contacts say otherwise.
+//! let told = parameters.surface.contact.position;
+//! let controller = Controller::new(parameters, solver, storage)?;
+//! let belief = controller.belief();
+//! assert_eq!((belief.contact_point, belief.uncertainty), (told, 0.0));
+//! // A replay that begins after earlier contacts begins with what was believed then.
+//! let again = controller.believing(&belief);
+//! assert_eq!(again.belief(), belief);
+//! # Ok::<(), admittance_core::ParameterError>(())
+//! ```
+
+mod contact;
+mod detection;
+mod expectation;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{SVector, Vector3};
+
+pub use contact::Thresholds;
+pub(crate) use contact::{Contact, Felt, SurfaceSigns};
+pub use expectation::Expected;
+
+use crate::intake::Accepted;
+use crate::surface::Surface;
+use detection::Detection;
+
+/// Where the contact point comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ContactPoint {
+    /// [`Surface::contact`].
+    Configured,
+    /// From the first samples in contact.
+    Detected {
+        /// Standard deviation of f̂ on one axis, in N: what the margin is reduced by follows from
+        /// it.
+        wrench_noise: f64,
+    },
+}
+
+/// Where the sign of a contact comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ContactSign {
+    /// From f̂ when the axis joins; only axes in contact have bounds.
+    Wrench,
+    /// From the surface normal. In contact every axis with a normal component has an upper bound;
+    /// one without cannot join.
+    Normal,
+}
+
+/// Settings of this stage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Settings<const D: usize> {
+    /// The surface as configured.
+    pub surface: Surface<D>,
+    /// Where its contact point comes from.
+    pub contact_point: ContactPoint,
+    /// β and the release threshold.
+    pub thresholds: Thresholds<D>,
+    /// Where the sign of a contact comes from.
+    pub sign: ContactSign,
+    /// T_est per axis in s; 0 for ideal force measurement.
+    pub wrench_time_constant: SVector<f64, D>,
+}
+
+/// The belief as a record keeps it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Snapshot {
+    /// A point of the surface, base frame, m.
+    pub contact_point: Vector3<f64>,
+    /// By how much the force may be wrong because the contact point is uncertain: two standard
+    /// deviations, N.
+    pub uncertainty: f64,
+    /// The force that f̂ should show.
+    pub expected: Expected,
+}
+
+/// The stage.
+#[derive(Debug)]
+pub(crate) struct Belief<const D: usize> {
+    settings: Settings<D>,
+    signs: SurfaceSigns<D>,
+    surface: Surface<D>,
+    contact: Contact<D>,
+    detection: Detection,
+    expected: Expected,
+}
+
+impl<const D: usize> Belief<D> {
+    /// The belief is what the settings say.
+    pub(crate) fn new(settings: Settings<D>) -> Self {
+        Self {
+            signs: SurfaceSigns::of(&settings.surface.normal),
+            surface: settings.surface,
+            contact: Contact::none(),
+            detection: Detection::new(),
+            expected: Expected::nothing(),
+            settings,
+        }
+    }
+
+    /// Goes on from a recorded belief, out of contact: for a replay that begins after earlier
+    /// contacts.
+    #[must_use]
+    pub(crate) fn with_snapshot(mut self, snapshot: &Snapshot) -> Self {
+        self.surface.contact.position = snapshot.contact_point;
+        self.detection = Detection::with_uncertainty(snapshot.uncertainty);
+        self.expected = snapshot.expected;
+        self
+    }
+
+    /// Takes over the state of `old`, with these settings: a configured contact point replaces the
+    /// old one.
+    pub(crate) fn take_over(&mut self, old: &Self) {
+        let Self { settings: _, signs: _, surface, contact, detection, expected } = old;
+        if self.settings.contact_point != ContactPoint::Configured {
+            self.surface.contact = surface.contact;
+        }
+        (self.contact, self.detection, self.expected) = (*contact, *detection, *expected);
+    }
+
+    /// Which axes feel a force above β.
+    pub(crate) fn felt(&self, wrench: &SVector<f64, D>) -> Felt<D> {
+        self.settings.thresholds.felt(wrench)
+    }
+
+    /// Learns from a sample; `felt` is the part of its wrench above β. If the model is `doubted`,
+    /// because it led to the stop under way, the surface is moved to where the measured force says
+    /// it is.
+    pub(crate) fn follow<const N: usize>(&mut self, sample: &Accepted<N, D>, felt: &Felt<D>, doubted: bool) {
+        let Settings { thresholds, sign, contact_point, .. } = &self.settings;
+        let by_surface = (*sign == ContactSign::Normal).then_some(&self.signs);
+        self.contact = self.contact.update(thresholds, felt, by_surface, &sample.wrench);
+        let lag = self.lag();
+        if let ContactPoint::Detected { wrench_noise } = *contact_point {
+            self.detection.update(&mut self.surface, sample, self.contact.is_any(), lag, wrench_noise);
+        }
+        let pressing = self.surface.pressing_force(&sample.wrench);
+        let spring = self.surface.spring_force(sample.posture.pose());
+        if self.contact.is_any() || *contact_point == ContactPoint::Configured {
+            self.expected.follow(sample.stamp, spring.max(0.0), lag);
+        } else {
+            self.expected.begin(sample.stamp, spring.max(0.0), pressing);
+        }
+        if doubted {
+            self.trust_force(pressing, spring);
+        }
+    }
+
+    /// Moves the surface to where the measured `pressing` force (N) says it is: a stop that a wrong
+    /// model led to must not rely on that model, by which the spring presses with `spring` (N,
+    /// negative above the surface).
+    fn trust_force(&mut self, pressing: f64, spring: f64) {
+        // At least what f̂ shows, which lags behind; plus what it shows beyond the expected force.
+        let missing = if pressing > spring { pressing - spring } else { pressing - self.expected.pressing };
+        self.surface.raise(missing / self.surface.normal_stiffness());
+        (self.expected.pressing, self.expected.spring) = (pressing, spring + missing);
+    }
+
+    /// Takes every axis out of contact: for an arm that is not under control.
+    pub(crate) fn release(&mut self) {
+        self.contact = Contact::none();
+    }
+
+    /// T_est of the axes that feel the surface, in s.
+    fn lag(&self) -> f64 {
+        let felt = self.signs.axes(&self.settings.thresholds.admittance).next().unwrap_or(0);
+        self.settings.wrench_time_constant[felt]
+    }
+
+    /// The axes in contact.
+    pub(crate) fn contact(&self) -> &Contact<D> {
+        &self.contact
+    }
+
+    /// The surface as it is believed to be.
+    pub(crate) fn surface(&self) -> &Surface<D> {
+        &self.surface
+    }
+
+    /// The signs of contact that the normal gives.
+    pub(crate) fn surface_signs(&self) -> &SurfaceSigns<D> {
+        &self.signs
+    }
+
+    /// s of every axis whose force is bounded in contact; 0 of the others.
+    pub(crate) fn bounded_signs(&self) -> [f64; D] {
+        let admittance = &self.settings.thresholds.admittance;
+        let sign = |axis: usize| match self.settings.sign {
+            ContactSign::Wrench => self.contact.sign(axis),
+            ContactSign::Normal => self.signs.sign(axis).filter(|_| admittance[axis]),
+        };
+        core::array::from_fn(|axis| sign(axis).unwrap_or(0.0))
+    }
+
+    /// The pressing force in N that f̂ should show.
+    pub(crate) fn expected_pressing(&self) -> f64 {
+        self.expected.pressing
+    }
+
+    /// By how much the force may be wrong because the contact point is uncertain, in N.
+    pub(crate) fn uncertainty(&self) -> f64 {
+        match self.settings.contact_point {
+            ContactPoint::Configured => 0.0,
+            ContactPoint::Detected { .. } => self.detection.uncertainty(),
+        }
+    }
+
+    /// What a record keeps.
+    pub(crate) fn snapshot(&self) -> Snapshot {
+        let uncertainty = self.uncertainty();
+        Snapshot { contact_point: self.surface.contact.position, uncertainty, expected: self.expected }
+    }
+}

@@ -1,0 +1,257 @@
+//! One cycle, one screen: intake → belief → supervisor → mpc → output.
+
+use admittance_vocabulary::{ModeName, Source};
+
+use crate::belief::{Belief, Snapshot};
+use crate::cycle_output::{Counters, CycleOutput, Outcome};
+use crate::intake::{Accepted, Event, Intake, SampleFault};
+use crate::mpc::qp::QpSolver;
+use crate::mpc::{Mpc, Situation, Solution, Verdict};
+use crate::output::{Movement, Output};
+use crate::parameters::{ParameterError, Parameters};
+use crate::quantities::Instant;
+use crate::supervisor::{Bridge, EnableRefused, Ending, Mode, ResetRefused, Supervisor, Task};
+
+/// The law, as a state machine: no clock, no I/O, no heap.
+#[derive(Debug)]
+pub struct Controller<const N: usize, const D: usize, S, B> {
+    parameters: Parameters<N, D>,
+    intake: Intake<N, D>,
+    belief: Belief<D>,
+    supervisor: Supervisor<D>,
+    mpc: Mpc<N, D, S, B>,
+    output: Output<D>,
+    cycles: u64,
+}
+
+impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N, D, S, B> {
+    /// A controller that has seen nothing. `storage` holds at least [`Parameters::storage_len`]
+    /// numbers, and the solver takes problems of [`Parameters::solver_capacity`].
+    ///
+    /// # Errors
+    /// [`ParameterError`].
+    pub fn new(parameters: Parameters<N, D>, solver: S, storage: B) -> Result<Self, ParameterError> {
+        parameters.check()?;
+        Ok(Self {
+            intake: Intake::new(parameters.intake()),
+            belief: Belief::new(parameters.belief()),
+            supervisor: Supervisor::new(parameters.supervisor()),
+            mpc: Mpc::new(parameters.mpc(), solver, storage).ok_or(ParameterError::Storage)?,
+            output: Output::new(parameters.output()),
+            cycles: 0,
+            parameters,
+        })
+    }
+
+    /// The same, starting from a recorded belief: for a replay that begins after earlier contacts.
+    #[must_use]
+    pub fn believing(mut self, snapshot: &Snapshot) -> Self {
+        self.belief = self.belief.with_snapshot(snapshot);
+        self
+    }
+
+    /// Takes over the state of `old`, but keeps this controller's parameters.
+    pub fn take_over(&mut self, old: &Self) {
+        // Without `..`: whoever adds a field must decide here what becomes of it.
+        let Self { parameters: _, intake, belief, supervisor, mpc: _, output, cycles } = old;
+        self.intake.take_over(intake);
+        self.belief.take_over(belief);
+        self.supervisor.take_over(supervisor);
+        self.output.take_over(output);
+        self.cycles = *cycles;
+    }
+
+    /// Runs one cycle at the time `now`. `expired` is called before and between solver iterations.
+    pub fn step(
+        &mut self,
+        event: Event<'_, N, D>,
+        now: Instant,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> CycleOutput<'_, N, D> {
+        let Self { intake, belief, supervisor, mpc, output, cycles, .. } = self;
+        *cycles += 1;
+        let sample = match intake.take(event, now) {
+            Ok(sample) => sample,
+            Err(fault) => return self.step_without_sample(fault, now),
+        };
+        let felt = belief.felt(&sample.wrench);
+        supervisor.admit(sample, &felt);
+        if supervisor.is_in_control() {
+            belief.follow(sample, &felt, supervisor.doubts_model());
+            let guards = supervisor.guard(sample, belief);
+            if supervisor.follow_contact(sample, belief) {
+                output.settle();
+            }
+            if matches!(supervisor.mode(), Mode::Free) {
+                mpc.forget();
+            }
+            supervisor.heed(guards, sample, output.is_zero());
+        }
+        if matches!(supervisor.mode(), Mode::Idle(_)) {
+            belief.release();
+        }
+        let predicted = predict(sample, belief, supervisor, mpc, output, expired);
+        let movement = predicted.movement.unwrap_or_else(|| match supervisor.mode() {
+            Mode::Idle(_) => output.rest(sample),
+            Mode::Free | Mode::Contact(_) => output.go_on(sample, belief.contact().is_any(), supervisor.is_enabled()),
+            Mode::Stopping(_) | Mode::Stopped(_) => output.hold_or_retreat(sample, belief.surface()),
+        });
+        output.send(sample.stamp, &movement);
+        self.answer(movement, &predicted, None)
+    }
+
+    /// A cycle without a usable sample: nothing is learned and nothing solved.
+    fn step_without_sample(&mut self, fault: SampleFault, now: Instant) -> CycleOutput<'_, N, D> {
+        let Self { intake, belief, supervisor, output, .. } = self;
+        let (last, surface) = (intake.last(), belief.surface());
+        let can_retreat = last.is_some_and(|last| output.can_retreat(&last.twist_reference, surface));
+        let movement = match (supervisor.bridge(&fault, now, intake.silence(now), can_retreat), last) {
+            (Bridge::Ramp, Some(last)) => output.play_ramp(now, last),
+            (Bridge::Plan, Some(last)) => output.play_plan(now, last),
+            (Bridge::Retreat, Some(last)) => output.retreat(now, last, surface),
+            (Bridge::Rest, _) => output.rest_without_sample(now),
+            (Bridge::Hold | Bridge::Ramp | Bridge::Plan | Bridge::Retreat, _) => output.hold(now),
+        };
+        if !supervisor.is_in_control() {
+            intake.forget_position();
+        }
+        output.send(now, &movement);
+        self.answer(movement, &Predicted::nothing(), Some(fault))
+    }
+
+    fn answer(
+        &self,
+        movement: Movement<N, D>,
+        predicted: &Predicted<N, D>,
+        fault: Option<SampleFault>,
+    ) -> CycleOutput<'_, N, D> {
+        let (intake, mode) = (&self.intake, self.supervisor.mode());
+        let outcome = Outcome {
+            movement,
+            mode: mode.name(),
+            stop_reason: mode.stop_reason(),
+            singular: mode.singular(),
+            verdict: predicted.verdict,
+            iterations: predicted.iterations,
+            expired_at: predicted.expired_at,
+            active_axes: self.belief.contact().mask(),
+            wrench: intake.last().filter(|_| fault.is_none()).map(|last| last.wrench),
+            wrong_rate: intake.wrong_rate(),
+            fault,
+            belief: self.belief.snapshot(),
+            counters: self.counters(),
+        };
+        CycleOutput { outcome, plan: self.output.plan(), validity: self.parameters.timing.validity() }
+    }
+
+    /// Ends control; it lasts until [`Self::enable`].
+    pub fn end(&mut self, ending: Ending) {
+        self.supervisor.withdraw(ending);
+    }
+
+    /// Lets control begin with the next sample that allows it. Returns whether that changed
+    /// anything.
+    ///
+    /// # Errors
+    /// [`EnableRefused`] with the reason.
+    pub fn enable(&mut self) -> Result<bool, EnableRefused> {
+        self.supervisor.enable(self.intake.last(), &self.belief)
+    }
+
+    /// Whether control may begin or go on.
+    pub fn is_enabled(&self) -> bool {
+        self.supervisor.is_enabled()
+    }
+
+    /// Leaves Stopped; disabled control stays disabled. Without `force`, ṗ0 must not point inward
+    /// and every force must be below release.
+    ///
+    /// # Errors
+    /// [`ResetRefused`] with the reason.
+    pub fn reset(&mut self, force: bool) -> Result<(), ResetRefused> {
+        self.supervisor.reset(force, self.intake.last(), &self.belief)?;
+        self.belief.release();
+        self.output.reset();
+        Ok(())
+    }
+
+    /// The mode.
+    pub fn mode(&self) -> ModeName {
+        self.supervisor.mode().name()
+    }
+
+    /// The belief about the surface.
+    pub fn belief(&self) -> Snapshot {
+        self.belief.snapshot()
+    }
+
+    /// Running counts.
+    pub fn counters(&self) -> Counters {
+        Counters {
+            cycles: self.cycles,
+            fallback: self.output.fallbacks(),
+            rejected: self.intake.rejected(),
+            missed: self.intake.missed(),
+            irregular: self.intake.irregular(),
+            limited: self.output.limited(),
+            contacts_lost: self.supervisor.contacts_lost(),
+        }
+    }
+}
+
+/// What the MPC made of a cycle.
+struct Predicted<const N: usize, const D: usize> {
+    /// `None` if it was not asked, J has no inverse, or the arm has come to rest.
+    movement: Option<Movement<N, D>>,
+    verdict: Verdict,
+    iterations: u32,
+    expired_at: Option<u32>,
+}
+
+impl<const N: usize, const D: usize> Predicted<N, D> {
+    fn nothing() -> Self {
+        Self { movement: None, verdict: Verdict::None, iterations: 0, expired_at: None }
+    }
+}
+
+/// Contact and stop: asks the MPC for what the mode wants, a second time where the first answer is
+/// that the contact cannot go on.
+fn predict<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>>(
+    sample: &Accepted<N, D>,
+    belief: &Belief<D>,
+    supervisor: &mut Supervisor<D>,
+    mpc: &mut Mpc<N, D, S, B>,
+    output: &mut Output<D>,
+    expired: &mut dyn FnMut() -> bool,
+) -> Predicted<N, D> {
+    let mut predicted = Predicted::nothing();
+    if supervisor.task().is_none() {
+        return predicted;
+    }
+    let Ok(situation) = Situation::new(sample, belief, output) else { return predicted };
+    loop {
+        if supervisor.is_overdue(sample.stamp) || (supervisor.is_stopping() && mpc.may_rest(&situation)) {
+            supervisor.rest(sample.stamp);
+        }
+        let Some(task) = supervisor.task() else { return predicted };
+        let solution = match task {
+            Task::Press => mpc.press(&situation, &supervisor.demand(&situation), expired),
+            Task::Stop => mpc.stop(&situation, expired),
+        };
+        if task == Task::Press {
+            predicted.verdict = solution.verdict();
+        }
+        if supervisor.conclude(task, &solution, sample.stamp) {
+            continue;
+        }
+        (predicted.iterations, predicted.expired_at) = (solution.iterations(), solution.expired_at());
+        let surface = belief.surface();
+        predicted.movement = Some(match (solution, task) {
+            (Solution::Planned { plan, .. }, Task::Press) => output.follow(plan, Source::Mpc, sample),
+            (Solution::Planned { plan, .. }, Task::Stop) => output.follow(plan, Source::MinimumForce, sample),
+            (_, Task::Press) => output.fall_back(sample, surface),
+            (_, Task::Stop) => output.fall_back_in_stop(sample, surface, supervisor.is_plan_exhausted()),
+        });
+        return predicted;
+    }
+}

@@ -1,0 +1,154 @@
+//! What may reach the law: a state sample is checked against the clock and the samples before it,
+//! its wrench becomes f̂, and the kinematics at its joint position are computed. The result is an
+//! accepted sample or a [`SampleFault`]; no later stage sees a raw sample.
+//!
+//! ```
+//! use admittance_core::intake::SampleFault;
+//! use admittance_core::vocabulary::FaultName;
+//!
+//! let fault = SampleFault::JointCount { found: 7, expected: 6 };
+//! assert_eq!(fault.name(), FaultName::JointCount);
+//! assert_eq!(fault.to_string(), "joint_count = 7: this daemon is configured for 6 joints");
+//! ```
+
+mod order;
+mod position_track;
+mod sample;
+#[cfg(test)]
+mod tests;
+mod wrench;
+
+use nalgebra::SVector;
+
+pub use order::Timing;
+pub(crate) use sample::Accepted;
+pub use sample::{Field, Sample, SampleFault};
+pub use wrench::{Conditioning, GivenIn, GivenSign};
+
+use crate::quantities::{Instant, Span};
+use crate::robot::{Chain, Posture};
+use order::SampleOrder;
+use position_track::PositionTrack;
+
+/// What a cycle starts from.
+#[derive(Debug, Clone, Copy)]
+pub enum Event<'a, const N: usize, const D: usize> {
+    /// A state sample arrived.
+    Sample(&'a Sample<N, D>),
+    /// None did for longer than allowed.
+    Silence,
+}
+
+/// Settings of this stage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Settings<const N: usize, const D: usize> {
+    /// The arm.
+    pub chain: Chain<N>,
+    /// When samples are good enough.
+    pub timing: Timing,
+    /// How f̂ follows from what is given.
+    pub conditioning: Conditioning<D>,
+    /// Limits of the joint speeds in rad/s: a joint that moved much faster has jumped.
+    pub joint_speed: Option<SVector<f64, N>>,
+}
+
+/// The stage.
+#[derive(Debug)]
+pub(crate) struct Intake<const N: usize, const D: usize> {
+    settings: Settings<N, D>,
+    order: SampleOrder,
+    track: PositionTrack<N>,
+    last: Option<Accepted<N, D>>,
+    rejected: u64,
+}
+
+impl<const N: usize, const D: usize> Intake<N, D> {
+    /// A stage that has seen nothing.
+    pub(crate) fn new(settings: Settings<N, D>) -> Self {
+        Self { settings, order: SampleOrder::new(), track: PositionTrack::new(), last: None, rejected: 0 }
+    }
+
+    /// Takes over the state of `old`, with these settings.
+    pub(crate) fn take_over(&mut self, old: &Self) {
+        let Self { settings: _, order, track, last, rejected } = old;
+        (self.order, self.track, self.last, self.rejected) = (*order, *track, *last, *rejected);
+    }
+
+    /// Takes an event at the time `now`.
+    ///
+    /// # Errors
+    /// Why there is no sample that the law may use.
+    pub(crate) fn take(&mut self, event: Event<'_, N, D>, now: Instant) -> Result<&Accepted<N, D>, SampleFault> {
+        let checked = match event {
+            Event::Sample(sample) => self.check(sample, now),
+            Event::Silence => Err(SampleFault::Silence),
+        };
+        match checked {
+            Ok(accepted) => Ok(self.last.insert(accepted)),
+            Err(fault) => {
+                self.rejected += 1;
+                Err(fault)
+            }
+        }
+    }
+
+    fn check(&mut self, sample: &Sample<N, D>, now: Instant) -> Result<Accepted<N, D>, SampleFault> {
+        let Settings { chain, timing, conditioning, joint_speed } = &self.settings;
+        sample.check_joint_count()?;
+        self.order.check(sample, now, timing)?;
+        sample.check_motion()?;
+        let posture = Posture::new(chain, &sample.joint_position);
+        let wrench = conditioning.wrench(&sample.wrench, &posture.pose().rotation);
+        sample.check_wrench(&wrench, conditioning.saturated(&sample.wrench))?;
+        self.track.follow(sample, joint_speed.as_ref())?;
+        let is_new_run = self.order.accept(sample, timing);
+        Ok(Accepted {
+            stamp: sample.stamp,
+            is_new_run,
+            wrong_rate: self.order.wrong_rate(timing),
+            drives_enabled: sample.drives_enabled,
+            joint_position: sample.joint_position,
+            joint_velocity: sample.joint_velocity,
+            joint_position_reference: sample.joint_position_reference,
+            twist_reference: sample.twist_reference,
+            wrench,
+            posture,
+        })
+    }
+
+    /// The last sample that was accepted.
+    pub(crate) fn last(&self) -> Option<&Accepted<N, D>> {
+        self.last.as_ref()
+    }
+
+    /// The time since the last accepted sample was measured; `None` before the first.
+    pub(crate) fn silence(&self, now: Instant) -> Option<Span> {
+        self.last.as_ref().map(|last| now.since(last.stamp))
+    }
+
+    /// Accepts the position of the next sample, wherever it is: for an arm that is not under
+    /// control.
+    pub(crate) fn forget_position(&mut self) {
+        self.track = PositionTrack::new();
+    }
+
+    /// Samples that did not reach the law, and silences.
+    pub(crate) fn rejected(&self) -> u64 {
+        self.rejected
+    }
+
+    /// Samples that never arrived, by gaps in their sequence.
+    pub(crate) fn missed(&self) -> u64 {
+        self.order.missed()
+    }
+
+    /// Samples whose spacing differed from T_s by more than 10 %.
+    pub(crate) fn irregular(&self) -> u64 {
+        self.order.irregular()
+    }
+
+    /// Mean spacing of the samples in s, while it differs from the sampling time.
+    pub(crate) fn wrong_rate(&self) -> Option<f64> {
+        self.order.wrong_rate(&self.settings.timing)
+    }
+}

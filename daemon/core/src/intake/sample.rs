@@ -1,0 +1,240 @@
+//! A state sample as the motion controller gives it, what can be wrong with it, and its form once
+//! the law may use it.
+
+use admittance_vocabulary::FaultName;
+use nalgebra::SVector;
+
+use crate::quantities::{GivenWrench, Instant, Span};
+use crate::robot::Posture;
+
+/// A state sample of the motion controller, in SI units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample<const N: usize, const D: usize> {
+    /// Counts up by one per sample.
+    pub sequence: u64,
+    /// Instant of measurement.
+    pub stamp: Instant,
+    /// Run of the motion controller; another value means that it restarted.
+    pub boot_id: u64,
+    /// Number of joints in the sender's arrays; must be N.
+    pub joint_count: u32,
+    /// Whether the sender marks `wrench` as valid.
+    pub wrench_valid: bool,
+    /// Whether the drives follow the reference.
+    pub drives_enabled: bool,
+    /// q in rad.
+    pub joint_position: SVector<f64, N>,
+    /// q̇ in rad/s.
+    pub joint_velocity: SVector<f64, N>,
+    /// q0 in rad: commanded joint position, advancing with the command whatever the offset does.
+    pub joint_position_reference: SVector<f64, N>,
+    /// ṗ0 in m/s and rad/s, base frame.
+    pub twist_reference: SVector<f64, D>,
+    /// The wrench as it is given.
+    pub wrench: GivenWrench,
+}
+
+/// A sample that the law may use, with everything that follows from it alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Accepted<const N: usize, const D: usize> {
+    /// Instant of measurement.
+    pub stamp: Instant,
+    /// Whether it comes from another run of the motion controller than the previously accepted
+    /// sample.
+    pub is_new_run: bool,
+    /// Mean spacing of the samples in s, while it differs from the sampling time.
+    pub wrong_rate: Option<f64>,
+    /// Whether the drives follow the reference.
+    pub drives_enabled: bool,
+    /// q in rad.
+    pub joint_position: SVector<f64, N>,
+    /// q̇ in rad/s.
+    pub joint_velocity: SVector<f64, N>,
+    /// q0 in rad.
+    pub joint_position_reference: SVector<f64, N>,
+    /// ṗ0 in m/s and rad/s, base frame.
+    pub twist_reference: SVector<f64, D>,
+    /// f̂ in N and N·m: what the robot exerts on the environment, base frame, at the TCP.
+    pub wrench: SVector<f64, D>,
+    /// Ψ, J and J⁻¹ at q.
+    pub posture: Posture<N, D>,
+}
+
+/// A vector of the sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Field {
+    /// q.
+    JointPosition,
+    /// q̇.
+    JointVelocity,
+    /// q0.
+    JointPositionReference,
+    /// ṗ0.
+    TwistReference,
+    /// f̂.
+    Wrench,
+}
+
+impl Field {
+    /// The field's name on the wire.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::JointPosition => "joint_position",
+            Self::JointVelocity => "joint_velocity",
+            Self::JointPositionReference => "joint_position_reference",
+            Self::TwistReference => "twist_reference",
+            Self::Wrench => "wrench",
+        }
+    }
+
+    /// Whether every value is finite and plausible for an arm.
+    fn check(self, values: &[f64]) -> Result<(), SampleFault> {
+        if let Some(index) = values.iter().position(|value| !value.is_finite()) {
+            return Err(SampleFault::NotFinite { field: self, index });
+        }
+        let implausible = values.iter().position(|value| value.abs() > LARGEST_VALUE);
+        implausible.map_or(Ok(()), |index| Err(SampleFault::Implausible { field: self, index }))
+    }
+}
+
+/// Largest magnitude of a value in its SI unit.
+const LARGEST_VALUE: f64 = 1e6;
+
+impl<const N: usize, const D: usize> Sample<N, D> {
+    pub(super) fn check_joint_count(&self) -> Result<(), SampleFault> {
+        let (found, expected) = (self.joint_count, N as u32);
+        if found == expected { Ok(()) } else { Err(SampleFault::JointCount { found, expected }) }
+    }
+
+    /// Checks everything but the wrench.
+    pub(super) fn check_motion(&self) -> Result<(), SampleFault> {
+        Field::JointPosition.check(self.joint_position.as_slice())?;
+        Field::JointVelocity.check(self.joint_velocity.as_slice())?;
+        Field::JointPositionReference.check(self.joint_position_reference.as_slice())?;
+        Field::TwistReference.check(self.twist_reference.as_slice())
+    }
+
+    /// Checks f̂ as it follows from the given wrench, of which a component may be `saturated`.
+    pub(super) fn check_wrench(&self, wrench: &SVector<f64, D>, saturated: Option<usize>) -> Result<(), SampleFault> {
+        Field::Wrench.check(wrench.as_slice())?;
+        if !self.wrench_valid {
+            return Err(SampleFault::WrenchInvalid);
+        }
+        saturated.map_or(Ok(()), |index| Err(SampleFault::WrenchSaturated { index }))
+    }
+}
+
+/// Why a sample never reaches the law.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SampleFault {
+    /// Another number of joints than N.
+    JointCount {
+        /// The number in the sample.
+        found: u32,
+        /// N.
+        expected: u32,
+    },
+    /// A value is NaN or infinite.
+    NotFinite {
+        /// The field.
+        field: Field,
+        /// Index in the field, from 0.
+        index: usize,
+    },
+    /// A value exceeds 1e6 (rad, m, N and so on), more than any arm has. Results computed from it
+    /// would overflow or lose precision.
+    Implausible {
+        /// The field.
+        field: Field,
+        /// Index in the field, from 0.
+        index: usize,
+    },
+    /// The sender marks the wrench as invalid.
+    WrenchInvalid,
+    /// The wrench is at the end of the sensor's range: the real one may be larger.
+    WrenchSaturated {
+        /// Component of the given wrench, from 0.
+        index: usize,
+    },
+    /// Older than allowed.
+    Stale {
+        /// Its age.
+        age: Span,
+    },
+    /// Stamped more than one T_s ahead.
+    FromFuture {
+        /// How far ahead.
+        ahead: Span,
+    },
+    /// Its sequence or stamp is not later than the last one's.
+    OutOfOrder {
+        /// Its sequence.
+        sequence: u64,
+        /// The last accepted one.
+        last: u64,
+    },
+    /// A joint is not where it can have moved since the sample before.
+    Jump {
+        /// The joint, from 0.
+        joint: usize,
+        /// By how much it is off, in rad.
+        off: f64,
+        /// The most that it can have moved, in rad.
+        most: f64,
+    },
+    /// There was no sample at all for longer than allowed.
+    Silence,
+}
+
+impl SampleFault {
+    /// Its name.
+    pub fn name(&self) -> FaultName {
+        match self {
+            Self::JointCount { .. } => FaultName::JointCount,
+            Self::NotFinite { .. } => FaultName::NotFinite,
+            Self::Implausible { .. } => FaultName::Implausible,
+            Self::WrenchInvalid => FaultName::WrenchInvalid,
+            Self::WrenchSaturated { .. } => FaultName::WrenchSaturated,
+            Self::Stale { .. } => FaultName::Stale,
+            Self::FromFuture { .. } => FaultName::FromFuture,
+            Self::OutOfOrder { .. } => FaultName::OutOfOrder,
+            Self::Jump { .. } => FaultName::Jump,
+            Self::Silence => FaultName::Silence,
+        }
+    }
+}
+
+impl core::fmt::Display for SampleFault {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::JointCount { found, expected } => {
+                write!(f, "joint_count = {found}: this daemon is configured for {expected} joints")
+            }
+            Self::NotFinite { field, index } => write!(f, "{}[{index}] is not finite", field.name()),
+            Self::Implausible { field, index } => {
+                write!(f, "{}[{index}] is beyond ±{LARGEST_VALUE:e}, larger than any arm's", field.name())
+            }
+            Self::WrenchInvalid => f.write_str("wrench_valid = 0: the motion controller marks its wrench as invalid"),
+            Self::WrenchSaturated { index } => {
+                write!(f, "wrench[{index}] is at the end of the sensor's range, wrench.saturation")
+            }
+            Self::Stale { age } => write!(f, "stamp_ns is {} ns old, older than max_sample_age_s", age.nanoseconds()),
+            Self::FromFuture { ahead } => {
+                write!(
+                    f,
+                    "stamp_ns is {} ns ahead of CLOCK_MONOTONIC, more than one sampling time",
+                    ahead.nanoseconds()
+                )
+            }
+            Self::OutOfOrder { sequence, last } => {
+                write!(f, "sequence {sequence} or its stamp does not follow the last accepted sample {last}")
+            }
+            Self::Jump { joint, off, most } => write!(
+                f,
+                "joint_position[{joint}] jumped by {off:.4} rad, accepted: at most {most:.4} rad since the sample before (twice \
+                 limits.joint_speed_rad_s, 20 rad/s without it)"
+            ),
+            Self::Silence => f.write_str("no sample for longer than max_sample_age_s"),
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! H over uneven steps, from what a state costs later: its upper triangle, a row for each input.
+//!
+//! The reference r of step i has moved the joints at its end by x, which from there on costs Σ_k
+//! x_kᵀ Q x_k, x_k = Φ(k, i) x. So the row of H that belongs to r is λᵀ y, with the costate λ = Σ_k
+//! Φ(k, i)ᵀ Q x_k, and y what earlier references have moved at the same instant. Joints and wrench
+//! filters are diagonal: with their responses in tables, summed over the later steps, λ takes one
+//! N×N matrix for q and one for q̇, and the row a few products for each earlier step, however many
+//! steps are still to come.
+
+use wide::f64x4;
+
+use super::responses::Response;
+use super::rows::MpcRows;
+use super::simd::{SimdVector, array};
+use crate::mpc::cost::Weights;
+use crate::mpc::horizon::Horizon;
+use crate::mpc::qp::{LANES, padded};
+
+/// Some columns of one row.
+type Group = [f64; LANES];
+
+/// Tables that depend on the horizon only. The first dimension of each is the step i; n is the
+/// joint that had a reference of 1 rad/s during it, m any joint, and the sums are over the ends of
+/// steps from i on, each times its share.
+#[derive(Debug)]
+pub(super) struct CostToGo<'a, const N: usize, const D: usize> {
+    /// Σ of q_n, by n: a joint that stands off by 1 rad at the end of i goes on standing there.
+    position: &'a mut [[f64; N]],
+    /// Σ of q_n times q_m after q̇_m = 1 rad/s at the end of i: by n, m.
+    position_by_velocity: &'a mut [[[f64; N]; N]],
+    /// Σ of q̇_n times q̇_m after q̇_m = 1 rad/s: by n, m.
+    velocity_by_velocity: &'a mut [[[f64; N]; N]],
+    /// With q filtered as the wrench estimate of an axis, Σ of q_n times the estimate after it was
+    /// off by 1: by axis, n.
+    wrench: &'a mut [[[f64; N]; D]],
+    /// Σ of filtered q_n times the filtered q of a joint that stands off by 1 rad: by axis, n.
+    wrench_by_position: &'a mut [[[f64; N]; D]],
+    /// Σ of filtered q_n times filtered q_m after q̇_m = 1 rad/s: by axis, n, m.
+    wrench_by_velocity: &'a mut [[[[f64; N]; N]; D]],
+    /// At the end of i, q after a reference of 1 rad/s during the step of each column: groups of
+    /// columns, of each group one joint after the other. Columns are steps in reversed order.
+    positions: &'a mut [[Group; N]],
+    /// The same of q̇.
+    velocities: &'a mut [[Group; N]],
+    /// The same of filtered q, by axis.
+    estimates: &'a mut [[[Group; N]; D]],
+}
+
+/// Numbers in all tables.
+pub(super) const fn table_len<const N: usize, const D: usize>(steps: usize) -> usize {
+    let sums = N + 2 * N * N + 2 * D * N + D * N * N;
+    (sums + (2 + D) * N * padded(steps)) * steps
+}
+
+impl<'a, const N: usize, const D: usize> CostToGo<'a, N, D> {
+    /// The tables within `storage`, which is at least [`table_len`] long.
+    pub(super) fn within(storage: &'a mut [f64], steps: usize) -> Self {
+        let (square, width) = (N * N, N * padded(steps));
+        let (position, rest) = storage.split_at_mut(N * steps);
+        let (position_by_velocity, rest) = rest.split_at_mut(square * steps);
+        let (velocity_by_velocity, rest) = rest.split_at_mut(square * steps);
+        let (wrench, rest) = rest.split_at_mut(D * N * steps);
+        let (wrench_by_position, rest) = rest.split_at_mut(D * N * steps);
+        let (wrench_by_velocity, rest) = rest.split_at_mut(D * square * steps);
+        let (positions, rest) = rest.split_at_mut(width * steps);
+        let (velocities, rest) = rest.split_at_mut(width * steps);
+        let estimates = &mut rest[..D * width * steps];
+        Self {
+            position: position.as_chunks_mut().0,
+            position_by_velocity: position_by_velocity.as_chunks_mut().0.as_chunks_mut().0,
+            velocity_by_velocity: velocity_by_velocity.as_chunks_mut().0.as_chunks_mut().0,
+            wrench: wrench.as_chunks_mut().0.as_chunks_mut().0,
+            wrench_by_position: wrench_by_position.as_chunks_mut().0.as_chunks_mut().0,
+            wrench_by_velocity: wrench_by_velocity.as_chunks_mut().0.as_chunks_mut().0.as_chunks_mut().0,
+            positions: positions.as_chunks_mut().0.as_chunks_mut().0,
+            velocities: velocities.as_chunks_mut().0.as_chunks_mut().0,
+            estimates: estimates.as_chunks_mut().0.as_chunks_mut().0.as_chunks_mut().0,
+        }
+    }
+
+    /// Writes the tables, which hold zeros; O(N² D H²) work.
+    pub(super) fn fill(&mut self, horizon: &Horizon<N, D>) {
+        let h = horizon.steps().len();
+        let groups = h.div_ceil(LANES);
+        for (n, i) in (0..N).flat_map(|n| (0..h).map(move |i| (n, i))) {
+            let (column, mut moved) = (h - 1 - i, [Response { velocity: 1.0, ..Response::NONE }; N]);
+            let mut standing = Response { position: 1.0, ..Response::NONE };
+            let mut off = Response { filtered: [1.0; D], ..Response::NONE };
+            for (k, own) in Response::to_reference(horizon, n, i) {
+                let (group, lane) = (k * groups + column / LANES, column % LANES);
+                self.positions[group][n][lane] = own.position;
+                self.velocities[group][n][lane] = own.velocity;
+                for (estimates, filtered) in self.estimates[group].iter_mut().zip(own.filtered) {
+                    estimates[n][lane] = filtered;
+                }
+                if k > i {
+                    let step = &horizon.steps()[k];
+                    moved.iter_mut().enumerate().for_each(|(m, moved)| moved.advance(step, m, 0.0));
+                    standing.advance(step, n, 0.0);
+                    off.advance(step, n, 0.0);
+                }
+                let share = horizon.share(k);
+                self.position[i][n] += share * own.position;
+                for (m, moved) in moved.iter().enumerate() {
+                    self.position_by_velocity[i][n][m] += share * own.position * moved.position;
+                    self.velocity_by_velocity[i][n][m] += share * own.velocity * moved.velocity;
+                    for axis in 0..D {
+                        self.wrench_by_velocity[i][axis][n][m] += share * own.filtered[axis] * moved.filtered[axis];
+                    }
+                }
+                for axis in 0..D {
+                    self.wrench[i][axis][n] += share * own.filtered[axis] * off.filtered[axis];
+                    self.wrench_by_position[i][axis][n] += share * own.filtered[axis] * standing.filtered[axis];
+                }
+            }
+        }
+    }
+}
+
+/// Jᵀ W J, from the columns of J.
+fn square<const N: usize, const D: usize>(jacobian: &[[f64; D]; N], weight: &[f64; D]) -> [[f64; N]; N] {
+    core::array::from_fn(|n| {
+        core::array::from_fn(|m| (0..D).map(|axis| jacobian[n][axis] * weight[axis] * jacobian[m][axis]).sum())
+    })
+}
+
+/// Σ_n x_n matrix_n.
+#[inline(always)]
+fn combined<const N: usize>(x: &[f64; N], matrix: &[SimdVector<N>; N]) -> SimdVector<N> {
+    (0..N).fold(SimdVector::ZERO, |sum, n| SimdVector::splat(x[n]).times_plus(matrix[n], sum))
+}
+
+/// Writes the rows of H into `hessian`, rows `stride` apart; values left of the diagonal, or beyond
+/// the inputs, may be anything.
+// Kept out of its callers: inlined together they would run out of registers.
+#[inline(never)]
+pub(super) fn write<const N: usize, const D: usize, const M: usize>(
+    tables: &CostToGo<'_, N, D>,
+    rows: &MpcRows<'_, N, D, M>,
+    hessian: &mut [f64],
+    stride: usize,
+) {
+    let (prediction, h) = (rows.prediction, rows.horizon.steps().len());
+    let groups = h.div_ceil(LANES);
+    let diagonal =
+        |weight: &[f64; N]| core::array::from_fn(|n| core::array::from_fn(|m| if n == m { weight[n] } else { 0.0 }));
+    let jacobian = &prediction.jacobian.data.0;
+    let (on_position, on_velocity, on_wrench) = match prediction.weights {
+        Weights::Joint { position, velocity, wrench } => (diagonal(array(position)), diagonal(array(velocity)), wrench),
+        Weights::Task { position, velocity, wrench } => {
+            (square(jacobian, array(position)), square(jacobian, array(velocity)), wrench)
+        }
+    };
+    let has_position = on_position.iter().flatten().any(|weight| *weight != 0.0);
+    let axes = prediction.wrench_axes.as_slice();
+    let gradients = rows.model.wrench_gradient.data.0;
+    // V over the columns of four steps: M groups of columns, the joints of a group together.
+    let inputs: [[Group; N]; M] = core::array::from_fn(|group| {
+        core::array::from_fn(|joint| {
+            core::array::from_fn(|lane| rows.inputs.columns[(group * LANES + lane) % M][joint])
+        })
+    });
+    for i in 0..h {
+        // λ of q and q̇, for a reference of 1 rad/s of each joint.
+        let mut position = [SimdVector::<N>::ZERO; N];
+        let mut velocity: [SimdVector<N>; N] = core::array::from_fn(|n| {
+            SimdVector::new(&on_velocity[n]).times(SimdVector::new(&tables.velocity_by_velocity[i][n]))
+        });
+        if has_position {
+            for n in 0..N {
+                let weight = SimdVector::new(&on_position[n]);
+                position[n] = weight.times(SimdVector::splat(tables.position[i][n]));
+                velocity[n] = weight.times_plus(SimdVector::new(&tables.position_by_velocity[i][n]), velocity[n]);
+            }
+        }
+        for &axis in axes {
+            let gradient = SimdVector::new(&gradients[axis]);
+            let weighted = gradient.times(SimdVector::splat(on_wrench[axis])).array();
+            for n in 0..N {
+                let by_position = SimdVector::splat(weighted[n] * tables.wrench_by_position[i][axis][n]);
+                position[n] = gradient.times_plus(by_position, position[n]);
+                let by_velocity =
+                    SimdVector::new(&tables.wrench_by_velocity[i][axis][n]).times(SimdVector::splat(weighted[n]));
+                velocity[n] = gradient.times_plus(by_velocity, velocity[n]);
+            }
+        }
+        let reversed = h - 1 - i;
+        let (first, from) = (reversed / LANES, i * groups);
+        for a in 0..M {
+            let input = &rows.inputs.columns[a];
+            let (by_position, by_velocity) = (combined(input, &position).array(), combined(input, &velocity).array());
+            // λ of f̂, as what it makes of the filtered q of each joint.
+            let mut by_estimate = [[0.0; N]; M];
+            for (by_estimate, &axis) in by_estimate.iter_mut().zip(axes) {
+                let gradient = SimdVector::new(&gradients[axis]);
+                let moved = gradient.times(SimdVector::new(&tables.wrench[i][axis])).dot(SimdVector::new(input));
+                *by_estimate = gradient.times(SimdVector::splat(on_wrench[axis] * moved)).array();
+            }
+            let index = reversed * M + a;
+            let row = &mut hessian[index * stride..(index + 1) * stride];
+            let places = row.as_chunks_mut::<LANES>().0[first * M..].chunks_mut(M);
+            for (group, places) in (first..groups).zip(places) {
+                let (positions, velocities) = (&tables.positions[from + group], &tables.velocities[from + group]);
+                let mut sums: [f64x4; N] = core::array::from_fn(|n| {
+                    let moving = f64x4::new(velocities[n]) * f64x4::splat(by_velocity[n]);
+                    f64x4::new(positions[n]).mul_add(f64x4::splat(by_position[n]), moving)
+                });
+                for (by_estimate, &axis) in by_estimate.iter().zip(axes) {
+                    let estimates = &tables.estimates[from + group][axis];
+                    for n in 0..N {
+                        sums[n] = f64x4::new(estimates[n]).mul_add(f64x4::splat(by_estimate[n]), sums[n]);
+                    }
+                }
+                let sums = sums.map(f64x4::to_array);
+                for (part, (place, inputs)) in places.iter_mut().zip(&inputs).enumerate() {
+                    let mut sum = f64x4::ZERO;
+                    for n in 0..N {
+                        // The inputs of a step are adjacent: one column here is M columns there.
+                        let spread: Group = core::array::from_fn(|lane| sums[n][(part * LANES + lane) / M]);
+                        sum = f64x4::new(spread).mul_add(f64x4::new(inputs[n]), sum);
+                    }
+                    *place = sum.to_array();
+                }
+            }
+            row[index] += prediction.input_weight[prediction.inputs.as_slice()[a]] * rows.horizon.share(i);
+        }
+    }
+}

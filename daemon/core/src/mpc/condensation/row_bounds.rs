@@ -1,0 +1,164 @@
+//! The bounds and weights of the constraint rows, relative to what happens without inputs.
+
+use core::ops::Range;
+
+use super::rows::MpcRows;
+use super::simd::{SimdVector, array};
+use super::trajectory::FreeTrajectory;
+use crate::mpc::constraints::{RowKind, Softened};
+use crate::mpc::qp::fill_last_group;
+use crate::robot::Interval;
+
+/// 1 over the largest finite bound; 1 if there is none.
+fn weight(lower: f64, upper: f64) -> f64 {
+    let large = |bound: f64| if bound.is_finite() { bound.abs() } else { 0.0 };
+    let scale = large(lower).max(large(upper));
+    if scale > 0.0 { 1.0 / scale } else { 1.0 }
+}
+
+/// Bounds and weights of all rows, while they are written.
+struct Bounds<'a> {
+    lower: &'a mut [f64],
+    upper: &'a mut [f64],
+    weight: &'a mut [f64],
+}
+
+impl Bounds<'_> {
+    /// Writes the rows of a section, `count` for each instant: the interval at that instant,
+    /// relative to the value without inputs.
+    #[inline(always)]
+    fn put<const K: usize>(
+        &mut self,
+        rows: Range<usize>,
+        count: usize,
+        instants: impl Iterator<Item = (SimdVector<K>, Weighted<K>)>,
+    ) {
+        let (lower, upper) = (&mut self.lower[rows.clone()], &mut self.upper[rows.clone()]);
+        let weight = &mut self.weight[rows];
+        let count = count.max(1);
+        let places =
+            lower.chunks_exact_mut(count).zip(upper.chunks_exact_mut(count)).zip(weight.chunks_exact_mut(count));
+        for (((to_lower, to_upper), to_weight), (here, interval)) in places.zip(instants) {
+            store(to_lower, &interval.lower.minus(here).array());
+            store(to_upper, &interval.upper.minus(here).array());
+            store(to_weight, &interval.weight.array());
+        }
+    }
+}
+
+/// Copies the first values of `from` to `to`: as one block if they fill it.
+#[inline(always)]
+pub(super) fn store<const K: usize>(to: &mut [f64], from: &[f64; K]) {
+    if let Ok(place) = <&mut [f64; K]>::try_from(&mut *to) {
+        *place = *from;
+    } else {
+        to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+    }
+}
+
+/// The bounds of one section's components, in their order.
+#[derive(Clone, Copy)]
+struct Weighted<const K: usize> {
+    lower: SimdVector<K>,
+    upper: SimdVector<K>,
+    weight: SimdVector<K>,
+}
+
+impl<const K: usize> Weighted<K> {
+    fn new(lower: &[f64; K], upper: &[f64; K]) -> Self {
+        let weight = core::array::from_fn(|k| weight(lower[k], upper[k]));
+        Self { lower: SimdVector::new(lower), upper: SimdVector::new(upper), weight: SimdVector::new(&weight) }
+    }
+
+    fn of<const D: usize>(interval: &Interval<D>, axes: &[usize]) -> Self {
+        let pick = |values: &[f64; D]| core::array::from_fn(|k| axes.get(k).map_or(0.0, |&axis| values[axis]));
+        Self::new(&pick(array(&interval.lower)), &pick(array(&interval.upper)))
+    }
+
+    /// All bounds times `factor`, and the weights over it: they stay 1 over a bound.
+    fn scaled(self, factor: f64) -> Self {
+        let by = SimdVector::splat(factor);
+        let weight = SimdVector::new(&self.weight.array().map(|weight| weight / factor));
+        Self { lower: self.lower.times(by), upper: self.upper.times(by), weight }
+    }
+}
+
+impl<const N: usize, const D: usize, const M: usize> MpcRows<'_, N, D, M> {
+    /// The bounds of every row, relative to what happens without inputs, and the rows' weights;
+    /// unbounded beyond the rows.
+    // Kept out of its callers: inlined together they would run out of registers.
+    #[inline(never)]
+    pub(super) fn write_bounds(
+        &self,
+        free: &FreeTrajectory<'_, N, M>,
+        lower: &mut [f64],
+        upper: &mut [f64],
+        weight: &mut [f64],
+    ) {
+        let (p, c) = (self.prediction, &self.prediction.constraints);
+        // The padding beyond the rows is in the last group; the rows in that group are written
+        // afterwards.
+        fill_last_group(lower, f64::NEG_INFINITY);
+        fill_last_group(upper, f64::INFINITY);
+        fill_last_group(weight, 1.0);
+        let mut bounds = Bounds { lower, upper, weight };
+        let steps = self.horizon.steps();
+        if let Some(interval) = &c.joint_speed {
+            let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
+            bounds.put(
+                self.rows(RowKind::JointSpeed),
+                N,
+                p.known_reference.iter().map(|here| (SimdVector::of(here), interval)),
+            );
+        }
+        let inputs = p.inputs.as_slice();
+        if let Some(interval) = &c.offset {
+            let interval = Weighted::<M>::of(interval, inputs);
+            bounds.put(self.rows(RowKind::Offset), M, steps.iter().map(|_| (SimdVector::ZERO, interval)));
+        }
+        if let Some(interval) = &c.rate {
+            let interval = Weighted::<M>::of(interval, inputs);
+            let before = SimdVector::new(&core::array::from_fn(|index| -p.previous_input[inputs[index]]));
+            // The first change comes a first step's length after the last input.
+            let first = (before, interval.scaled(steps[0].duration));
+            let later = steps.iter().map(|before| (SimdVector::ZERO, interval.scaled(before.duration)));
+            bounds.put(self.rows(RowKind::Rate), M, core::iter::once(first).chain(later));
+        }
+        if let Some(interval) = &c.joint_position {
+            let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
+            let reached = free.positions().skip(self.horizon.first_reached());
+            bounds.put(
+                self.rows(RowKind::JointPosition),
+                N,
+                reached.map(|position| (SimdVector::new(position), interval)),
+            );
+        }
+        let (mut minimum, mut maximum, mut offset) = ([0.0; M], [0.0; M], [0.0; M]);
+        for (index, bound) in c.force.as_slice().iter().enumerate() {
+            (minimum[index], maximum[index]) = (bound.minimum, bound.maximum);
+            offset[index] = bound.sign * self.model.wrench_offset[bound.axis];
+        }
+        let softly = Weighted::new(&minimum, &[f64::INFINITY; M]);
+        if p.slack.is_some() {
+            minimum = [f64::NEG_INFINITY; M];
+        }
+        let (interval, offset) = (Weighted::new(&minimum, &maximum), SimdVector::new(&offset));
+        let forces = self.horizon.force_points().iter().map(|point| {
+            let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
+            let reference = SimdVector::of(&p.known_reference[point.step]);
+            let force = self.gradients.times(free.joints_at(point.step).position_after(a, b, reference));
+            force.plus(offset)
+        });
+        bounds.put(self.rows(RowKind::Force), self.bounded, forces.clone().map(|force| (force, interval)));
+        if p.softened() == Some(Softened::Minimum) {
+            bounds.put(self.rows(RowKind::MinimumForce), self.bounded, forces.map(|force| (force, softly)));
+        }
+        if p.slack.is_some() {
+            bounds.put(
+                self.rows(RowKind::Slack),
+                1,
+                core::iter::once((SimdVector::ZERO, Weighted::new(&[0.0], &[f64::INFINITY]))),
+            );
+        }
+    }
+}

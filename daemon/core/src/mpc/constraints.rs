@@ -1,0 +1,233 @@
+//! The bounds, and which constraint row is which: the forces (18d), (18e), f_min ≤ s·f_lin ≤ f_max
+//! on every bounded axis at every force point of the horizon, and the limits of joints and offset.
+//!
+//! Rows stand section by section in the order of [`RowKind`], in a section instant by instant, at
+//! one instant by axis or joint.
+
+use core::ops::Range;
+
+use crate::mpc::condensation::InputAxes;
+use crate::mpc::horizon::Horizon;
+use crate::robot::Interval;
+
+/// Bounds of the force on one axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisBound {
+    /// The task axis.
+    pub axis: usize,
+    /// s: sign of the contact on this axis, +1 or −1.
+    pub sign: f64,
+    /// Lower bound of s·f_lin in N; −∞ if there is none.
+    pub minimum: f64,
+    /// Upper bound of s·f_lin in N.
+    pub maximum: f64,
+}
+
+/// The axes with a bounded force in one cycle, at most D.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ForceBounds<const D: usize> {
+    bounds: [AxisBound; D],
+    len: usize,
+}
+
+impl<const D: usize> ForceBounds<D> {
+    /// No axis bounded.
+    pub fn none() -> Self {
+        Self {
+            bounds: [AxisBound { axis: 0, sign: 1.0, minimum: f64::NEG_INFINITY, maximum: f64::INFINITY }; D],
+            len: 0,
+        }
+    }
+
+    /// Adds the bound of one more axis; beyond D it is ignored, since each axis has one bound.
+    pub fn push(&mut self, bound: AxisBound) {
+        if self.len < D {
+            self.bounds[self.len] = bound;
+            self.len += 1;
+        }
+    }
+
+    /// The bounds, in the order in which the rows of one instant stand.
+    pub fn as_slice(&self) -> &[AxisBound] {
+        &self.bounds[..self.len]
+    }
+}
+
+/// Everything that is bounded in one cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Constraints<const N: usize, const D: usize> {
+    /// s·f_lin at every force point.
+    pub force: ForceBounds<D>,
+    /// J⁻¹ (ṗ0 + Δṗ) in every step, rad/s.
+    pub joint_speed: Option<Interval<N>>,
+    /// q at the end of every step that an input reaches, rad.
+    pub joint_position: Option<Interval<N>>,
+    /// Δṗ in every step, m/s and rad/s.
+    pub offset: Option<Interval<D>>,
+    /// (u_k − u_{k−1}) over the length of step k − 1 (of step 0 for k = 0), m/s² and rad/s².
+    pub rate: Option<Interval<D>>,
+}
+
+impl<const N: usize, const D: usize> Constraints<N, D> {
+    /// Only the force is bounded, as in the paper.
+    pub fn of_force(force: ForceBounds<D>) -> Self {
+        Self { force, joint_speed: None, joint_position: None, offset: None, rate: None }
+    }
+}
+
+/// What a row bounds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RowKind {
+    /// Speed of a joint; the instant is the step.
+    JointSpeed,
+    /// Offset of an input axis; the instant is the step.
+    Offset,
+    /// Change of the offset of an input axis; the instant is the step at whose start it changes.
+    Rate,
+    /// Position of a joint; bounded at the end of the step that is the instant.
+    JointPosition,
+    /// Force on an axis; the instant is the force point.
+    Force,
+    /// Softened lower bound of the force on an axis; the instant is the force point.
+    MinimumForce,
+    /// The slack t ≥ 0 of a softened problem.
+    Slack,
+}
+
+/// Number of kinds.
+pub(crate) const ROW_KINDS: usize = 7;
+
+/// The bounds of the force that one common slack t ≥ 0 softens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Softened {
+    /// s·f_lin ≤ f_max + t; no lower bound.
+    Maximum,
+    /// s·f_lin ≥ f_min − t.
+    Minimum,
+}
+
+/// One row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Row {
+    /// What it bounds.
+    pub kind: RowKind,
+    /// The joint or task axis.
+    pub component: usize,
+    /// When: see [`RowKind`].
+    pub instant: usize,
+}
+
+/// Rows of one kind: `components` at each of the instants `first..first + instants`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Section<const C: usize> {
+    components: [u8; C],
+    len: usize,
+    first: usize,
+    instants: usize,
+    /// Row of the first.
+    offset: usize,
+}
+
+/// Which row is which.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    sections: [Section<8>; ROW_KINDS],
+    rows: usize,
+}
+
+const KINDS: [RowKind; ROW_KINDS] = [
+    RowKind::JointSpeed,
+    RowKind::Offset,
+    RowKind::Rate,
+    RowKind::JointPosition,
+    RowKind::Force,
+    RowKind::MinimumForce,
+    RowKind::Slack,
+];
+
+impl Layout {
+    /// The rows of these constraints over this horizon.
+    pub fn new<const N: usize, const D: usize>(
+        constraints: &Constraints<N, D>,
+        horizon: &Horizon<N, D>,
+        inputs: &InputAxes<D>,
+        softened: Option<Softened>,
+    ) -> Self {
+        let steps = horizon.steps().len();
+        let none = Section { components: [0; 8], len: 0, first: 0, instants: 0, offset: 0 };
+        let mut layout = Self { sections: [none; ROW_KINDS], rows: 0 };
+        let joints = [0, 1, 2, 3, 4, 5, 6, 7];
+        let mut inputs_of = [0; 8];
+        inputs_of.iter_mut().zip(inputs.as_slice()).for_each(|(to, axis)| *to = *axis);
+        let mut forced = [0; 8];
+        forced.iter_mut().zip(constraints.force.as_slice()).for_each(|(to, bound)| *to = bound.axis);
+        let first = horizon.first_reached();
+        let m = inputs.as_slice().len();
+        layout.add(RowKind::JointSpeed, &joints[..if constraints.joint_speed.is_some() { N } else { 0 }], 0, steps);
+        layout.add(RowKind::Offset, &inputs_of[..if constraints.offset.is_some() { m } else { 0 }], 0, steps);
+        layout.add(RowKind::Rate, &inputs_of[..if constraints.rate.is_some() { m } else { 0 }], 0, steps);
+        let positions = if constraints.joint_position.is_some() { N } else { 0 };
+        layout.add(RowKind::JointPosition, &joints[..positions], first, steps - first);
+        let points = horizon.force_points().len();
+        layout.add(RowKind::Force, &forced[..constraints.force.as_slice().len()], 0, points);
+        let softly = if softened == Some(Softened::Minimum) { constraints.force.as_slice().len() } else { 0 };
+        layout.add(RowKind::MinimumForce, &forced[..softly], 0, points);
+        layout.add(RowKind::Slack, &[0][..usize::from(softened.is_some())], 0, 1);
+        layout
+    }
+
+    fn add(&mut self, kind: RowKind, components: &[usize], first: usize, instants: usize) {
+        let section = &mut self.sections[kind as usize];
+        for (to, from) in section.components.iter_mut().zip(components) {
+            *to = *from as u8;
+        }
+        (section.len, section.first, section.instants) = (components.len(), first, instants);
+        section.offset = self.rows;
+        self.rows += components.len() * instants;
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// The rows of one kind.
+    pub(crate) fn rows_of(&self, kind: RowKind) -> Range<usize> {
+        let section = &self.sections[kind as usize];
+        section.offset..section.offset + section.len * section.instants
+    }
+
+    /// Row of the first component of `kind` at `instant`; `None` where it has no rows.
+    pub(crate) fn rows_at(&self, kind: RowKind, instant: usize) -> Option<usize> {
+        let section = &self.sections[kind as usize];
+        let index = instant.checked_sub(section.first).filter(|index| *index < section.instants && section.len > 0)?;
+        Some(section.offset + index * section.len)
+    }
+
+    /// Number of a row; `None` if there is no such row.
+    pub(crate) fn number(&self, row: &Row) -> Option<usize> {
+        let section = &self.sections[row.kind as usize];
+        let component =
+            section.components[..section.len].iter().position(|&component| usize::from(component) == row.component)?;
+        Some(self.rows_at(row.kind, row.instant)? + component)
+    }
+
+    /// Last instant of a kind.
+    pub(crate) fn last_instant(&self, kind: RowKind) -> usize {
+        let section = &self.sections[kind as usize];
+        (section.first + section.instants).saturating_sub(1)
+    }
+
+    /// What row number `number` bounds; `None` when there is no such row.
+    pub fn row(&self, number: usize) -> Option<Row> {
+        let is_in =
+            |section: &&Section<8>| (section.offset..section.offset + section.len * section.instants).contains(&number);
+        let (kind, section) = KINDS.into_iter().zip(&self.sections).find(|(_, section)| is_in(section))?;
+        let index = number - section.offset;
+        Some(Row {
+            kind,
+            component: usize::from(section.components[index % section.len]),
+            instant: section.first + index / section.len,
+        })
+    }
+}

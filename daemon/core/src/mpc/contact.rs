@@ -1,0 +1,119 @@
+//! The problem of a contact, (18): keep f_min ≤ s·f_lin ≤ f_max on the bounded axes, at the least
+//! cost.
+
+use nalgebra::SVector;
+
+use super::condensation::{InputAxes, Prediction, Slack};
+use super::constraints::{AxisBound, ForceBounds, Softened};
+use super::cost::SetPoint;
+use super::qp::QpSolver;
+use super::{Demand, InputSelection, LowerBound, Mpc, Situation, Solution, Verdict};
+use crate::output::{MAX_STEPS, Plan};
+
+/// The price of a force below f_min. At rest it far outweighs the cost of the force, so that f_min
+/// is kept exactly; after an impact it is low enough that a dip between samples, which may be
+/// unavoidable, does not cause the next impact.
+const KEPT: Slack = Slack { softened: Softened::Minimum, price: 30.0, curvature: 3.0 };
+
+impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
+    /// Solves (18) for what a contact asks. `expired` is called before and between solver
+    /// iterations.
+    pub(crate) fn press(
+        &mut self,
+        situation: &Situation<'_, N, D>,
+        demand: &Demand<D>,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Solution<&Plan<D>> {
+        let tolerance = self.settings.options.limit_tolerance;
+        let first = self.press_within(0.0, situation, demand, expired);
+        let solution = match &first {
+            Solution::Infeasible { verdict: Verdict::Infeasible { axis, shortfall, .. }, iterations }
+                if *shortfall <= tolerance * self.settings.options.force_limit[*axis] =>
+            {
+                let second = self.press_within(tolerance, situation, demand, expired);
+                // Without a second solution the first one stands.
+                let is_answer = matches!(second, Solution::Planned { .. } | Solution::Infeasible { .. });
+                if is_answer { second.after(*iterations) } else { first }
+            }
+            _ => first,
+        };
+        solution.with(&self.plan)
+    }
+
+    /// (18) with every f_max larger by this part.
+    fn press_within(
+        &mut self,
+        tolerance: f64,
+        situation: &Situation<'_, N, D>,
+        demand: &Demand<D>,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Solution<()> {
+        let (settings, options) = (self.settings, self.settings.options);
+        let (sample, surface, output) = (situation.sample, situation.belief.surface(), situation.output);
+        let inputs = match options.inputs {
+            InputSelection::Active => demand.active,
+            InputSelection::All => settings.admittance,
+        };
+        let mut bounds = ForceBounds::none();
+        for axis in (0..D).filter(|&axis| demand.signs[axis] != 0.0) {
+            let (sign, minimum) = (demand.signs[axis], demand.minimum[axis]);
+            bounds.push(AxisBound { axis, sign, minimum, maximum: options.force_limit[axis] * (1.0 + tolerance) });
+        }
+        let is_soft = options.lower_bound == LowerBound::OnceReached;
+        let holds = is_soft && bounds.as_slice().iter().any(|bound| bound.minimum > f64::NEG_INFINITY);
+        // The offset of released axes is on its way to zero: a known input, beside ṗ0.
+        let mut known_twist = [SVector::zeros(); MAX_STEPS];
+        let mut since = settings.timing.sampling_time.seconds();
+        for (twist, step) in known_twist.iter_mut().zip(options.steps()) {
+            let ramp = output.released_offset(since);
+            let known = |axis: usize, _| sample.twist_reference[axis] + if inputs[axis] { 0.0 } else { ramp[axis] };
+            *twist = SVector::from_fn(known);
+            since += step;
+        }
+        let known_twist = &known_twist[..options.steps().len()];
+        let mut known_reference = [SVector::zeros(); MAX_STEPS];
+        let known_reference = &mut known_reference[..known_twist.len()];
+        write_references(situation, known_twist, known_reference);
+        let start = situation.at_action(&settings, &bounds);
+        if let Some(verdict) = start.verdict {
+            return Solution::Infeasible { verdict, iterations: 0 };
+        }
+        // A pulling spring would hold back a TCP that is leaving, and a fading estimate one that is
+        // returning: an axis that should press but does not has no force cost.
+        let wrench_axes = if is_soft && !holds { InputAxes::none() } else { InputAxes::from_mask(&demand.active) };
+        // Once the force is kept by its bound, the part of ṗ0 into the surface would only bias it.
+        let inward = surface.outward_speed(&sample.twist_reference).min(0.0);
+        let wanted = sample.twist_reference - surface.normal * if holds { inward } else { 0.0 };
+        let prediction = Prediction {
+            initial: start.state,
+            known_reference,
+            inputs: InputAxes::from_mask(&inputs),
+            previous_input: *output.offset(),
+            wrench_axes,
+            constraints: settings.constraints(bounds, &SVector::zeros(), situation),
+            set_point: SetPoint {
+                joint_position: sample.joint_position_reference,
+                joint_velocity: situation.joint_velocity(&wanted),
+                wrench: surface.normal * -options.normal_force_reference,
+            },
+            weights: &options.weights,
+            jacobian: *sample.posture.jacobian(),
+            input_weight: options.input_weight,
+            slack: holds.then_some(KEPT),
+        };
+        let solution = self.solve(situation, &prediction, known_twist, expired);
+        solution.shifted(start.delay, situation.belief.uncertainty())
+    }
+}
+
+/// J⁻¹ of the twist in each step.
+fn write_references<const N: usize, const D: usize>(
+    situation: &Situation<'_, N, D>,
+    twists: &[SVector<f64, D>],
+    references: &mut [SVector<f64, N>],
+) {
+    for (step, twist) in twists.iter().enumerate() {
+        let is_repeated = step > 0 && twists[step - 1] == *twist;
+        references[step] = if is_repeated { references[step - 1] } else { situation.joint_velocity(twist) };
+    }
+}

@@ -1,0 +1,118 @@
+//! Checks of a solver's answer that need no trust in the solver.
+
+use wide::f64x4;
+
+use super::Qp;
+use super::lanes::{LANES, fill_last_group, groups, groups_mut, padded};
+
+/// How far an answer is from satisfying the Karush-Kuhn-Tucker conditions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KktResidual {
+    /// ‖Hz + g + Aᵀy‖∞ relative to the largest of its three parts (and 1).
+    pub stationarity: f64,
+    /// Largest violation of a bound times the row's weight.
+    pub violation: f64,
+    /// Largest |y_i · slack_i| relative to the largest part of the gradient (and 1).
+    pub complementarity: f64,
+}
+
+impl KktResidual {
+    /// Whether all three are finite and at most `tolerance`.
+    pub fn is_within(&self, tolerance: f64) -> bool {
+        // Written so that NaN fails.
+        self.stationarity <= tolerance && self.violation <= tolerance && self.complementarity <= tolerance
+    }
+}
+
+/// Slack of a row towards the bound that its multiplier belongs to.
+fn pushed_slack(value: f64, lower: f64, upper: f64, multiplier: f64) -> f64 {
+    if multiplier >= 0.0 { upper - value } else { value - lower }
+}
+
+/// The residual of `z` with the multipliers `y`. n² multiplications, and what the rows take for A z
+/// and Aᵀ y; `scratch` is at least 2·stride + rows rounded up to whole groups; A z stands in it
+/// behind 2·stride afterwards.
+pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64], scratch: &mut [f64]) -> KktResidual {
+    let (n, stride) = (qp.variables, qp.stride);
+    let (curvature, rest) = scratch.split_at_mut(stride);
+    let (pushed, values) = rest.split_at_mut(stride);
+    pushed.fill(0.0);
+    qp.rows.add_transposed(y, pushed);
+    curvature.fill(0.0);
+    for (i, row) in qp.hessian.chunks_exact(stride).enumerate().take(n) {
+        // Whole groups between the one of the diagonal and the one beyond the variables.
+        let whole = (i / LANES + 1) * LANES..(n / LANES * LANES).max((i / LANES + 1) * LANES);
+        let here = z[i];
+        let mut sum = row[i] * here;
+        for j in (i + 1..whole.start.min(n)).chain(whole.end..n) {
+            sum += row[j] * z[j];
+            curvature[j] += row[j] * here;
+        }
+        let rows = groups(&row[whole.clone()]).iter().zip(groups(&z[whole.clone()]));
+        let mut sums = f64x4::ZERO;
+        for (curvature, (row, z)) in groups_mut(&mut curvature[whole]).iter_mut().zip(rows) {
+            let row = f64x4::new(*row);
+            sums = row.mul_add(f64x4::new(*z), sums);
+            *curvature = row.mul_add(f64x4::splat(here), f64x4::new(*curvature)).to_array();
+        }
+        curvature[i] += sum + sums.reduce_add();
+    }
+    let (mut worst, mut scale, mut finite) = (0.0_f64, 1.0_f64, true);
+    for i in 0..n {
+        let sum = curvature[i] + qp.gradient[i] + pushed[i];
+        // f64::max forgets NaN.
+        finite &= sum.is_finite();
+        worst = worst.max(sum.abs());
+        scale = scale.max(curvature[i].abs()).max(qp.gradient[i].abs()).max(pushed[i].abs());
+    }
+    // Beyond the rows nothing is bounded, but a number it has to be.
+    let values = &mut values[..padded(qp.row_count)];
+    fill_last_group(values, 0.0);
+    qp.rows.values(z, values);
+    let bounds = groups(qp.lower).iter().zip(groups(qp.upper)).zip(groups(qp.weight));
+    let (mut violation, mut numbers) = (f64x4::ZERO, f64x4::splat(f64::from_bits(u64::MAX)));
+    for (value, ((lower, upper), weight)) in groups(values).iter().zip(bounds) {
+        let value = f64x4::new(*value);
+        let outside = (value - f64x4::new(*upper)).max(f64x4::new(*lower) - value) * f64x4::new(*weight);
+        numbers &= outside.simd_eq(outside);
+        violation = violation.max(outside);
+    }
+    finite &= numbers.all();
+    let violation = violation.to_array().into_iter().fold(0.0, f64::max);
+    let mut product = 0.0_f64;
+    for (row, &multiplier) in y[..qp.row_count].iter().enumerate().filter(|(_, y)| **y != 0.0) {
+        let slack = pushed_slack(values[row], qp.lower[row], qp.upper[row], multiplier);
+        product = product.max((multiplier * slack).abs());
+    }
+    let stationarity = if finite { worst / scale } else { f64::NAN };
+    KktResidual { stationarity, violation, complementarity: product / scale }
+}
+
+/// What a certificate of infeasibility proves: that of the rows which `may_give` some must be
+/// violated by this much, in their unit, by any z with |z_i| ≤ `reach` that meets the others;
+/// `None` when it proves nothing.
+///
+/// For any z, Σ y_i (A z)_i ≤ Σ y⁺ (upper + t_i) − Σ y⁻ (lower − t_i), so with t_i = t on rows that
+/// may give and 0 on others t ≥ (−Σ y⁺ upper + Σ y⁻ lower − ‖Aᵀy‖₁ reach) / Σ |y| of rows that may
+/// give. `scratch` is at least stride long.
+pub fn certificate_gap(
+    qp: &Qp<'_>,
+    y: &[f64],
+    reach: f64,
+    may_give: &dyn Fn(usize) -> bool,
+    scratch: &mut [f64],
+) -> Option<f64> {
+    let (mut gap, mut giving) = (0.0, 0.0);
+    for (row, &multiplier) in y[..qp.row_count].iter().enumerate().filter(|(_, y)| **y != 0.0) {
+        gap -= multiplier * if multiplier > 0.0 { qp.upper[row] } else { qp.lower[row] };
+        if may_give(row) {
+            giving += multiplier.abs();
+        }
+    }
+    let residual = &mut scratch[..qp.stride];
+    residual.fill(0.0);
+    qp.rows.add_transposed(y, residual);
+    gap -= residual.iter().map(|residual| residual.abs() * reach).sum::<f64>();
+    let least = gap / giving;
+    (least > 0.0 && least.is_finite()).then_some(least)
+}

@@ -1,0 +1,104 @@
+//! What a prediction starts from.
+
+use nalgebra::SVector;
+
+use super::Settings;
+use super::constraints::ForceBounds;
+use super::model::{Model, State};
+use admittance_vocabulary::Side;
+
+use super::verdict::Verdict;
+use crate::belief::Belief;
+use crate::intake::Accepted;
+use crate::output::Output;
+use crate::robot::Singular;
+
+/// Instants at which the force is looked at while an earlier command acts.
+const PIECES: u32 = 8;
+
+/// Everything that a cycle knows, and the model that follows from it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Situation<'a, const N: usize, const D: usize> {
+    /// The sample of this cycle.
+    pub sample: &'a Accepted<N, D>,
+    /// The belief about the surface.
+    pub belief: &'a Belief<D>,
+    /// What has been told to the arm.
+    pub output: &'a Output<D>,
+    /// (17) at this sample.
+    pub model: Model<N, D>,
+}
+
+/// Where a prediction starts.
+pub(super) struct Start<const N: usize, const D: usize> {
+    /// x when the inputs begin to act.
+    pub(super) state: State<N, D>,
+    /// How long after the sample the inputs begin to act, in s.
+    pub(super) delay: f64,
+    /// The largest force above a bound until then, which cannot be avoided any more.
+    pub(super) verdict: Option<Verdict>,
+}
+
+impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
+    /// The situation at an accepted sample.
+    ///
+    /// # Errors
+    /// [`Singular`] when J has no inverse there.
+    pub(crate) fn new(
+        sample: &'a Accepted<N, D>,
+        belief: &'a Belief<D>,
+        output: &'a Output<D>,
+    ) -> Result<Self, Singular> {
+        let model = Model::new(belief.surface(), &sample.posture, &sample.joint_position)?;
+        Ok(Self { sample, belief, output, model })
+    }
+
+    /// s·f_lin at the measured q on an axis whose contact has the sign s, in N.
+    pub(crate) fn spring_force(&self, axis: usize, sign: f64) -> f64 {
+        sign * self.model.linear_wrench_on(axis, &self.sample.joint_position)
+    }
+
+    /// J⁻¹ of a twist, rad/s.
+    pub(super) fn joint_velocity(&self, twist: &SVector<f64, D>) -> SVector<f64, N> {
+        self.model.jacobian_inverse * twist
+    }
+
+    /// The state when the command for this sample acts, and the forces until then, under the
+    /// commands that are under way.
+    pub(super) fn at_action(&self, settings: &Settings<N, D>, bounds: &ForceBounds<D>) -> Start<N, D> {
+        let sample = self.sample;
+        let state = State {
+            joint_position: sample.joint_position,
+            joint_velocity: sample.joint_velocity,
+            wrench: sample.wrench,
+        };
+        let mut start = Start { state, delay: 0.0, verdict: None };
+        let delay = settings.timing.command_delay;
+        if !settings.options.models_delay || delay.seconds() <= 0.0 {
+            return start;
+        }
+        let mut worst = 0.0;
+        for stretch in self.output.under_way().between(sample.stamp, sample.stamp + delay) {
+            let twist = stretch.offset.map(|offset| sample.twist_reference + offset);
+            let reference = twist.map_or_else(SVector::zeros, |twist| self.joint_velocity(&twist));
+            let step = settings.options.discretization.step(
+                stretch.duration / f64::from(PIECES),
+                &settings.velocity_time_constant,
+                &settings.wrench_time_constant,
+            );
+            for _ in 0..PIECES {
+                start.state = self.model.advance(&step, &start.state, &reference);
+                start.delay += step.duration;
+                for bound in bounds.as_slice() {
+                    let force = bound.sign * self.model.linear_wrench_on(bound.axis, &start.state.joint_position);
+                    let (axis, time) = (bound.axis, start.delay);
+                    if force - bound.maximum > worst {
+                        worst = force - bound.maximum;
+                        start.verdict = Some(Verdict::Infeasible { axis, side: Side::Upper, time, shortfall: worst });
+                    }
+                }
+            }
+        }
+        start
+    }
+}

@@ -1,0 +1,142 @@
+//! From a prediction to its solution: condense, solve, check.
+
+use nalgebra::SVector;
+
+use super::condensation::{MpcRows, Prediction, condense};
+use super::constraints::{Constraints, ForceBounds};
+use super::qp::{QpOutcome, QpSolver, kkt_residual};
+use super::verdict::{checked_infeasible, margin_of};
+use super::{Mpc, Settings, Situation, Solution};
+use crate::intake::Accepted;
+use crate::quantities::Span;
+use crate::robot::Interval;
+
+impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
+    /// Solves a prediction whose inputs act on top of `known_twist` in each step, and leaves them
+    /// in the plan.
+    pub(super) fn solve(
+        &mut self,
+        situation: &Situation<'_, N, D>,
+        prediction: &Prediction<'_, N, D>,
+        known_twist: &[SVector<f64, D>],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Solution<()> {
+        // From here on the number of inputs is a constant: loops over them are unrolled. Numbers
+        // above D are left out.
+        match prediction.inputs.as_slice().len() {
+            1 => self.solve_with::<1>(situation, prediction, known_twist, expired),
+            2 if const { D >= 2 } => self.solve_with::<2>(situation, prediction, known_twist, expired),
+            3 if const { D >= 3 } => self.solve_with::<3>(situation, prediction, known_twist, expired),
+            4 if const { D >= 4 } => self.solve_with::<4>(situation, prediction, known_twist, expired),
+            5 if const { D >= 5 } => self.solve_with::<5>(situation, prediction, known_twist, expired),
+            6 if const { D >= 6 } => self.solve_with::<6>(situation, prediction, known_twist, expired),
+            _ => Solution::Failed { iterations: 0 },
+        }
+    }
+
+    fn solve_with<const M: usize>(
+        &mut self,
+        situation: &Situation<'_, N, D>,
+        prediction: &Prediction<'_, N, D>,
+        known_twist: &[SVector<f64, D>],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Solution<()> {
+        if expired() {
+            return Solution::Expired { iterations: 0 };
+        }
+        let stamp = situation.sample.stamp;
+        let rows = MpcRows::<N, D, M>::new(&situation.model, &self.horizon, prediction);
+        let Some(rows) = rows else { return Solution::Failed { iterations: 0 } };
+        let Some(mut pieces) = self.workspace.pieces(&rows) else { return Solution::Failed { iterations: 0 } };
+        condense(&rows, &mut pieces);
+        self.warm_start.guess(&rows.layout, &self.horizon, stamp, pieces.answer.working);
+        let (qp, mut answer, scratch) = pieces.split(&rows);
+        let outcome = self.solver.solve(&qp, &mut answer, expired);
+        let iterations = outcome.iterations();
+        let verdict = match outcome {
+            QpOutcome::Solved { .. } => {
+                let residual = kkt_residual(&qp, answer.z, answer.multipliers, scratch);
+                if !residual.is_within(self.settings.options.solution_tolerance) {
+                    return Solution::Failed { iterations };
+                }
+                margin_of(&rows, &qp, answer.z, &scratch[2 * qp.stride..])
+            }
+            QpOutcome::Infeasible { .. } => {
+                let reach = self.settings.limits.offset.max();
+                return match checked_infeasible(&rows, &qp, answer.multipliers, reach, scratch) {
+                    Some(verdict) => Solution::Infeasible { verdict, iterations },
+                    None => Solution::Failed { iterations },
+                };
+            }
+            QpOutcome::Expired { .. } => {
+                // The next cycle continues from here: from nothing it would take just as long
+                // again.
+                self.warm_start.learn(&rows.layout, &self.horizon, stamp, answer.working);
+                return Solution::Expired { iterations };
+            }
+            QpOutcome::Failed { .. } => return Solution::Failed { iterations },
+        };
+        self.warm_start.learn(&rows.layout, &self.horizon, stamp, answer.working);
+        // Every step's twist, as an offset to the ṗ0 of this sample.
+        self.plan.become_prediction(stamp);
+        for (step, known) in known_twist.iter().enumerate() {
+            let mut twist = *known;
+            for (&axis, value) in prediction.inputs.as_slice().iter().zip(&answer.z[rows.inputs_of(step)]) {
+                twist[axis] += value;
+            }
+            let duration = Span::from_seconds(self.horizon.steps()[step].duration);
+            self.plan.push(twist - situation.sample.twist_reference, duration);
+        }
+        Solution::Planned { plan: (), verdict, iterations }
+    }
+}
+
+impl<const N: usize, const D: usize> Settings<N, D> {
+    /// Bounds of the force, and the limits of joints and of the inputs, which are offsets to ṗ0
+    /// minus `twist_reference`.
+    pub(super) fn constraints(
+        &self,
+        force: ForceBounds<D>,
+        twist_reference: &SVector<f64, D>,
+        situation: &Situation<'_, N, D>,
+    ) -> Constraints<N, D> {
+        let limits = &self.limits;
+        let rate = (limits.inward_rate.is_some() || limits.outward_rate.is_some()).then(|| {
+            let along = |axis: usize, direction: f64| {
+                // Without a sign no direction points outward.
+                let sign = situation.belief.surface_signs().sign(axis);
+                let is_outward = sign.is_some_and(|sign| sign * direction < 0.0);
+                let rate = if is_outward { &limits.outward_rate } else { &limits.inward_rate };
+                rate.as_ref().map_or(f64::INFINITY, |rate| rate[axis])
+            };
+            Interval {
+                lower: SVector::from_fn(|axis, _| -along(axis, -1.0)),
+                upper: SVector::from_fn(|axis, _| along(axis, 1.0)),
+            }
+        });
+        Constraints {
+            force,
+            joint_speed: limits.joint_speed.map(|speed| Interval { lower: -speed, upper: speed }),
+            joint_position: limits.joint_position.as_ref().map(|limits| self.reachable(limits, situation.sample)),
+            offset: Some(Interval { lower: twist_reference - limits.offset, upper: twist_reference + limits.offset }),
+            rate,
+        }
+    }
+
+    /// Position limits; where a joint is beyond one or cannot help passing it, what it reaches when
+    /// it coasts to standstill.
+    fn reachable(&self, limits: &Interval<N>, sample: &Accepted<N, D>) -> Interval<N> {
+        let coasted = |joint: usize| {
+            let lag = self.velocity_time_constant[joint] + self.timing.command_delay.seconds();
+            sample.joint_position[joint] + lag * sample.joint_velocity[joint]
+        };
+        let (low, high) = (
+            |joint: usize| coasted(joint).min(sample.joint_position[joint]),
+            |joint: usize| coasted(joint).max(sample.joint_position[joint]),
+        );
+        Interval {
+            lower: SVector::from_fn(|joint, _| limits.lower[joint].min(low(joint))),
+            upper: SVector::from_fn(|joint, _| limits.upper[joint].max(high(joint))),
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! The problem of a minimum-force stop: minimise the largest violation of the upper force bound,
+//! then come to rest at a low force.
+//!
+//! Its inputs are the absolute twist, not the offset, so that pushing on with ṗ0 is not free; there
+//! is no lower bound, and every admittance axis has an input.
+
+use nalgebra::SVector;
+
+use super::condensation::{InputAxes, Prediction, Slack};
+use super::constraints::{AxisBound, ForceBounds, Softened};
+use super::cost::{SetPoint, Weights};
+use super::model::{Model, State};
+use super::qp::QpSolver;
+use super::{Mpc, Settings, Situation, Solution};
+use crate::output::{MAX_STEPS, Plan};
+use crate::surface::{STANDSTILL, Surface};
+
+/// The violation is minimised before all else: its price is far above the sum of multipliers, which
+/// the cost of a twist of 1 m/s bounds. The curvature only makes the QP strictly convex.
+const LEAST: Slack = Slack { softened: Softened::Maximum, price: 1e3, curvature: 0.1 };
+/// R of the stop, relative to its velocity weight: only enough to make the QP strictly convex.
+const INPUT_WEIGHT: f64 = 1e-2;
+
+impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
+    /// Solves the stop. Its plan holds offsets to ṗ0, as every plan does. `expired` is called
+    /// before and between solver iterations.
+    pub(crate) fn stop(
+        &mut self,
+        situation: &Situation<'_, N, D>,
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Solution<&Plan<D>> {
+        let settings = self.settings;
+        let steps = settings.options.steps();
+        let weights = weights(situation.belief.surface(), steps);
+        let start = situation.at_action(&settings, &ForceBounds::none());
+        let twist_reference = &situation.sample.twist_reference;
+        let known_twist = &[SVector::zeros(); MAX_STEPS][..steps.len()];
+        let prediction = Prediction {
+            initial: start.state,
+            known_reference: &[SVector::zeros(); MAX_STEPS][..steps.len()],
+            inputs: InputAxes::from_mask(&settings.admittance),
+            previous_input: twist_reference + situation.output.offset(),
+            wrench_axes: InputAxes::from_mask(&settings.admittance),
+            constraints: settings.constraints(bounds(&settings, situation), twist_reference, situation),
+            // Standstill without force.
+            set_point: SetPoint {
+                joint_position: start.state.joint_position,
+                joint_velocity: SVector::zeros(),
+                wrench: SVector::zeros(),
+            },
+            weights: &weights,
+            jacobian: *situation.sample.posture.jacobian(),
+            input_weight: SVector::repeat(INPUT_WEIGHT),
+            slack: Some(LEAST),
+        };
+        let solution = self.solve(situation, &prediction, known_twist, expired);
+        solution.shifted(start.delay, 0.0).with(&self.plan)
+    }
+
+    /// Whether the arm may be held: it moves outward or not at all, the measured force is at most
+    /// `stop_force`, and the spring's would not exceed that while the arm coasts to standstill.
+    /// (Held at zero normal velocity alone, unequal joint lags would drive it back in.)
+    pub(crate) fn may_rest(&self, situation: &Situation<'_, N, D>) -> bool {
+        let (sample, surface) = (situation.sample, situation.belief.surface());
+        let state = situation.at_action(&self.settings, &ForceBounds::none()).state;
+        let outward_speed = surface.outward_speed(&(sample.posture.jacobian() * state.joint_velocity));
+        let measured = surface.pressing_force(&sample.wrench);
+        let lags = &self.settings.velocity_time_constant;
+        let coasting = peak_while_coasting(&situation.model, lags, &state, &-surface.normal);
+        let limit = self.settings.stop_force;
+        outward_speed >= -STANDSTILL && measured <= limit && coasting <= limit
+    }
+}
+
+/// f_max only, the sign of each axis from the surface normal.
+fn bounds<const N: usize, const D: usize>(
+    settings: &Settings<N, D>,
+    situation: &Situation<'_, N, D>,
+) -> ForceBounds<D> {
+    let mut bounds = ForceBounds::none();
+    let signs = situation.belief.surface_signs();
+    for axis in signs.axes(&settings.admittance) {
+        let (minimum, maximum) = (f64::NEG_INFINITY, settings.options.force_limit[axis]);
+        let sign = signs.sign(axis).unwrap_or(0.0);
+        bounds.push(AxisBound { axis, sign, minimum, maximum });
+    }
+    bounds
+}
+
+/// Q of a stop: velocity against force so that the force fades within the horizon, v = f / (k ·
+/// horizon).
+fn weights<const N: usize, const D: usize>(surface: &Surface<D>, steps: &[f64]) -> Weights<N, D> {
+    let stiffness = surface.stiffness.norm();
+    let duration: f64 = steps.iter().sum();
+    let wrench = 1.0 / (stiffness * duration * stiffness * duration);
+    Weights::Task {
+        position: SVector::zeros(),
+        velocity: SVector::repeat(1.0),
+        wrench: SVector::repeat(if wrench.is_finite() { wrench } else { 0.0 }),
+    }
+}
+
+/// Largest f_lin along `direction` (in N, summed over axes) while the arm coasts from `x` under
+/// zero joint velocity reference: q(t) = q + T_V q̇ (1 − exp(−t/T_V)), seen at 32 instants over
+/// five of the largest T_V.
+fn peak_while_coasting<const N: usize, const D: usize>(
+    model: &Model<N, D>,
+    velocity_time_constant: &SVector<f64, N>,
+    x: &State<N, D>,
+    direction: &SVector<f64, D>,
+) -> f64 {
+    const INSTANTS: u32 = 32;
+    let end = 5.0 * velocity_time_constant.max();
+    let mut peak = f64::NEG_INFINITY;
+    for instant in 0..=INSTANTS {
+        let t = end * f64::from(instant) / f64::from(INSTANTS);
+        let q = SVector::from_fn(|joint, _| {
+            let lag = velocity_time_constant[joint];
+            x.joint_position[joint] + lag * x.joint_velocity[joint] * (1.0 - libm::exp(-t / lag))
+        });
+        peak = peak.max(direction.dot(&model.linear_wrench(&q)));
+    }
+    peak
+}

@@ -1,0 +1,97 @@
+//! The prediction, tests of this stage alone: a problem in, a solution out.
+
+use nalgebra::Vector2;
+
+use super::condensation::Capacity;
+use super::qp::ActiveSet;
+use super::{Demand, Mpc, Situation, Solution};
+use crate::belief::Belief;
+use crate::common::{active_set, normal, parameters, pushing};
+use crate::intake::{Accepted, Event, Intake, Sample};
+use crate::output::{Output, Plan};
+
+type Planar = Mpc<2, 2, ActiveSet<Vec<f64>>, Vec<f64>>;
+
+fn mpc() -> Planar {
+    let parameters = parameters();
+    let storage = vec![0.0; Capacity::new::<2, 2>(parameters.mpc.horizon).storage_len()];
+    Mpc::new(parameters.mpc(), active_set(), storage).expect("storage of that length")
+}
+
+fn accepted(sample: &Sample<2, 2>) -> Accepted<2, 2> {
+    let mut intake = Intake::new(parameters().intake());
+    *intake.take(Event::Sample(sample), sample.stamp).expect("a good sample")
+}
+
+/// Both axes in contact, f_min from the start.
+fn demand() -> Demand<2> {
+    Demand { active: [true; 2], signs: [-1.0; 2], minimum: [0.1; 2] }
+}
+
+/// What `solve` says of a contact that presses with `force` N while ṗ0 moves inward at `speed` m/s.
+fn solved<R>(mpc: &mut Planar, force: f64, speed: f64, solve: impl Fn(&mut Planar, &Situation<'_, 2, 2>) -> R) -> R {
+    let sample = accepted(&pushing(force, speed, 1));
+    let mut belief = Belief::new(parameters().belief());
+    belief.follow(&sample, &belief.felt(&sample.wrench), false);
+    let output = Output::new(parameters().output());
+    let situation = Situation::new(&sample, &belief, &output).expect("far from singular");
+    solve(mpc, &situation)
+}
+
+fn press(mpc: &mut Planar, force: f64, speed: f64) -> Solution<Plan<2>> {
+    solved(mpc, force, speed, |mpc, situation| match mpc.press(situation, &demand(), &mut || false) {
+        Solution::Planned { plan, verdict, iterations } => Solution::Planned { plan: *plan, verdict, iterations },
+        Solution::Infeasible { verdict, iterations } => Solution::Infeasible { verdict, iterations },
+        Solution::Expired { iterations } => Solution::Expired { iterations },
+        Solution::Failed { iterations } => Solution::Failed { iterations },
+    })
+}
+
+#[test]
+fn a_contact_has_a_plan_of_the_horizon_s_length_that_slows_the_approach() {
+    let Solution::Planned { plan, .. } = press(&mut mpc(), 60.0, 0.05) else { panic!("feasible") };
+    assert_eq!(plan.steps().len(), parameters().mpc.horizon);
+    assert!(plan.is_prediction());
+    let first: Vector2<f64> = *plan.steps().next().expect("a step").0;
+    assert!(normal().dot(&first) > 0.0, "out of the surface, against the reference: {first}");
+}
+
+#[test]
+fn the_same_problem_has_the_same_solution_warm_or_cold() {
+    let mut warm = mpc();
+    let cold = press(&mut mpc(), 60.0, 0.05);
+    let _ = press(&mut warm, 60.0, 0.05);
+    let again = press(&mut warm, 60.0, 0.05);
+    let (Solution::Planned { plan: a, .. }, Solution::Planned { plan: b, .. }) = (cold, again) else {
+        panic!("feasible: {cold:?}, {again:?}")
+    };
+    for (cold, warm) in a.steps().zip(b.steps()) {
+        assert!((cold.0 - warm.0).amax() < 1e-9 && cold.1 == warm.1, "{cold:?}, {warm:?}");
+    }
+    assert!(again.iterations() <= cold.iterations());
+}
+
+#[test]
+fn without_time_there_is_no_answer_and_the_next_one_is_not_worse_for_it() {
+    let mut mpc = mpc();
+    let expired =
+        solved(&mut mpc, 60.0, 0.05, |mpc, situation| mpc.press(situation, &demand(), &mut || true).expired_at());
+    assert_eq!(expired, Some(0));
+    assert!(matches!(press(&mut mpc, 60.0, 0.05), Solution::Planned { .. }));
+}
+
+#[test]
+fn a_stop_leads_out_of_the_surface_and_rests_where_the_force_is_low() {
+    let mut mpc = mpc();
+    let outward = solved(&mut mpc, 190.0, 0.05, |mpc, situation| {
+        assert!(!mpc.may_rest(situation), "190 N");
+        match mpc.stop(situation, &mut || false) {
+            Solution::Planned { plan, .. } => {
+                plan.steps().next().map(|(offset, _)| normal().dot(&(offset + situation.sample.twist_reference)))
+            }
+            solution => panic!("{solution:?}"),
+        }
+    });
+    assert!(outward.is_some_and(|speed| speed > 0.0), "{outward:?} m/s");
+    assert!(solved(&mut mpc, 50.0, 0.05, |mpc, situation| mpc.may_rest(situation)), "50 N, at rest");
+}

@@ -1,0 +1,96 @@
+//! The verdict: can the force bounds still be met?
+
+use admittance_vocabulary::{Side, VerdictName};
+
+use crate::mpc::condensation::MpcRows;
+use crate::mpc::qp::{Qp, certificate_gap};
+
+/// The answer to "can the force bounds be met over the horizon?", given every cycle in contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Verdict {
+    /// Not computed: no axis in contact, or a law that does not predict.
+    None,
+    /// Yes, with the inputs found.
+    Feasible {
+        /// f_max minus the predicted peak of s·f_lin, in N (N·m on a rotational axis); the smallest
+        /// over axes and steps.
+        margin: f64,
+        /// The axis of that peak.
+        axis: usize,
+        /// When, in s from the sample.
+        time: f64,
+    },
+    /// No input meets all bounds.
+    Infeasible {
+        /// The axis of the row that weighs most in the proof.
+        axis: usize,
+        /// The bound of that row.
+        side: Side,
+        /// Its time in s from the sample.
+        time: f64,
+        /// Newtons (or N·m) by which some bound must at least be violated.
+        shortfall: f64,
+    },
+}
+
+impl Verdict {
+    /// Its name.
+    pub fn name(&self) -> VerdictName {
+        match self {
+            Self::None => VerdictName::None,
+            Self::Feasible { .. } => VerdictName::Feasible,
+            Self::Infeasible { .. } => VerdictName::Infeasible,
+        }
+    }
+
+    /// Counts its time from `delay` s earlier, and reduces its margin by `uncertainty` N.
+    pub(super) fn shift(&mut self, delay: f64, uncertainty: f64) {
+        match self {
+            Self::Feasible { margin, time, .. } => {
+                *margin -= uncertainty;
+                *time += delay;
+            }
+            Self::Infeasible { time, .. } => *time += delay,
+            Self::None => {}
+        }
+    }
+}
+
+/// The verdict on a solved problem: the smallest slack to an upper force bound under the inputs
+/// `z`, where A z is `values`.
+pub(super) fn margin_of<const N: usize, const D: usize, const M: usize>(
+    rows: &MpcRows<'_, N, D, M>,
+    qp: &Qp<'_>,
+    z: &[f64],
+    values: &[f64],
+) -> Verdict {
+    let mut best: Option<(f64, usize)> = None;
+    for row in rows.force_rows() {
+        let margin = qp.upper[row] - values[row];
+        if best.is_none_or(|(least, _)| margin < least) {
+            best = Some((margin, row));
+        }
+    }
+    let Some((margin, (axis, time))) = best.and_then(|(margin, row)| Some((margin, rows.force_row(row)?))) else {
+        return Verdict::None;
+    };
+    Verdict::Feasible { margin: margin - rows.off_maximum(z), axis, time }
+}
+
+/// The verdict on a problem that the solver calls infeasible, if its certificate `y` proves it for
+/// every input within `reach` (m/s, rad/s); `None` when it does not. `scratch` is at least stride
+/// long.
+pub(super) fn checked_infeasible<const N: usize, const D: usize, const M: usize>(
+    rows: &MpcRows<'_, N, D, M>,
+    qp: &Qp<'_>,
+    y: &[f64],
+    reach: f64,
+    scratch: &mut [f64],
+) -> Option<Verdict> {
+    let force = rows.force_rows();
+    let shortfall = certificate_gap(qp, y, reach, &|row| force.contains(&row), scratch)?;
+    let row = rows.force_rows().max_by(|&a, &b| y[a].abs().total_cmp(&y[b].abs()))?;
+    let (axis, time) = rows.force_row(row)?;
+    let side = if y[row] > 0.0 { Side::Upper } else { Side::Lower };
+    Some(Verdict::Infeasible { axis, side, time, shortfall })
+}

@@ -1,0 +1,87 @@
+//! The movement of one cycle, taken from the plan.
+
+use admittance_vocabulary::{Motion, Source};
+use nalgebra::SVector;
+
+use super::Output;
+use crate::intake::Accepted;
+use crate::quantities::Instant;
+
+/// What the motion controller shall do now.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Movement<const N: usize, const D: usize> {
+    /// Offset or hold.
+    pub motion: Motion,
+    /// Where the offset comes from.
+    pub source: Source,
+    /// Δṗ in m/s and rad/s.
+    pub velocity_offset: SVector<f64, D>,
+    /// J⁻¹ Δṗ in rad/s.
+    pub joint_velocity_offset: SVector<f64, N>,
+    /// ṗ0 + Δṗ in m/s and rad/s; zero while held.
+    pub twist_command: SVector<f64, D>,
+    /// Whether a limit had to cut the offset after the law.
+    pub limited: bool,
+}
+
+impl<const D: usize> Output<D> {
+    /// The plan's offset for the instant of this sample, within the limits.
+    pub(super) fn at_sample<const N: usize>(&mut self, source: Source, sample: &Accepted<N, D>) -> Movement<N, D> {
+        let (offset, limited) = self.take_offset(sample.stamp);
+        let inverse = sample.posture.inverse(0.0);
+        Movement {
+            motion: Motion::Offset,
+            source,
+            velocity_offset: offset,
+            joint_velocity_offset: inverse.map_or_else(|_| SVector::zeros(), |inverse| inverse.joint_velocity(&offset)),
+            twist_command: sample.twist_reference + offset,
+            limited,
+        }
+    }
+
+    /// The plan's offset for the instant `now`, at the posture of the `last` good sample.
+    pub(super) fn after_sample<const N: usize>(
+        &mut self,
+        source: Source,
+        now: Instant,
+        last: &Accepted<N, D>,
+    ) -> Movement<N, D> {
+        let (offset, limited) = self.take_offset(now);
+        let mut movement = Movement { source, velocity_offset: offset, limited, ..Movement::none() };
+        if !self.is_zero() {
+            movement.twist_command = last.twist_reference + offset;
+            if let Ok(inverse) = last.posture.inverse(self.settings.minimum_reciprocal_condition) {
+                movement.joint_velocity_offset = inverse.joint_velocity(&offset);
+            }
+        }
+        movement
+    }
+
+    /// No offset at the instant `now`, and nothing known of the arm.
+    pub(crate) fn rest_without_sample<const N: usize>(&mut self, now: Instant) -> Movement<N, D> {
+        self.set_constant(now, SVector::zeros());
+        self.offset = SVector::zeros();
+        Movement::none()
+    }
+
+    /// Cuts the plan to the limits, and takes the offset of an instant from it. Whether it was cut.
+    fn take_offset(&mut self, stamp: Instant) -> (SVector<f64, D>, bool) {
+        let limited = self.plan.limit(&self.settings.offset_limit);
+        self.limited += u64::from(limited);
+        self.offset = self.plan.at(stamp).unwrap_or_else(SVector::zeros);
+        (self.offset, limited)
+    }
+}
+
+impl<const N: usize, const D: usize> Movement<N, D> {
+    fn none() -> Self {
+        Self {
+            motion: Motion::Offset,
+            source: Source::None,
+            velocity_offset: SVector::zeros(),
+            joint_velocity_offset: SVector::zeros(),
+            twist_command: SVector::zeros(),
+            limited: false,
+        }
+    }
+}

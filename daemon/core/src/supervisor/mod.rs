@@ -1,0 +1,275 @@
+//! The mode with its data, the causes that change it, the guards, and what a person may ask between
+//! cycles.
+//!
+//! Everything that changes the mode goes through [`decide`]:
+//!
+//! ```
+//! use admittance_core::supervisor::{Cause, OnContactLost, OnInfeasible, Policy, decide};
+//! use admittance_vocabulary::ModeName;
+//!
+//! let policy = Policy {
+//!     on_infeasible: OnInfeasible::MinimumForceStop,
+//!     on_contact_lost: OnContactLost::Continue,
+//! };
+//! assert_eq!(decide(ModeName::Contact, Cause::Infeasible, policy), ModeName::Stopping);
+//! // A stop is latched, whatever comes.
+//! assert_eq!(decide(ModeName::Stopped, Cause::Ready, policy), ModeName::Stopped);
+//! ```
+
+mod cause;
+mod contact_memory;
+mod fallback;
+mod guards;
+mod mode;
+mod orders;
+mod permission;
+mod settings;
+mod task;
+#[cfg(test)]
+mod tests;
+
+use admittance_vocabulary::{ModeName, StopReason};
+
+pub use cause::{Cause, Policy, decide};
+pub(crate) use contact_memory::ContactMemory;
+pub use guards::Guards;
+pub(crate) use mode::{Mode, Stop, Stopping};
+pub use orders::{EnableRefused, ResetRefused};
+pub use permission::Ending;
+pub(crate) use settings::Settings;
+pub use settings::{OnContactLost, OnInfeasible};
+
+pub(crate) use task::{Bridge, Task};
+
+use crate::belief::{Belief, Felt};
+use crate::intake::Accepted;
+use crate::mpc::{Demand, LowerBound, Situation};
+use crate::quantities::Instant;
+use crate::robot::Singular;
+use permission::Permission;
+
+/// A stop begins at the least reciprocal condition number of J, and may go on down to this part of
+/// it.
+const CONDITION_LEFT: f64 = 0.1;
+
+/// The stage.
+#[derive(Debug)]
+pub(crate) struct Supervisor<const D: usize> {
+    settings: Settings<D>,
+    mode: Mode<D>,
+    permission: Permission,
+    contacts_lost: u64,
+}
+
+impl<const D: usize> Supervisor<D> {
+    /// Idle, with nothing seen.
+    pub(crate) fn new(settings: Settings<D>) -> Self {
+        let (mode, permission) = if settings.start_enabled {
+            (Mode::Idle(None), Permission::Given)
+        } else {
+            (Mode::Idle(Some(StopReason::Disabled)), Permission::Withdrawn(Ending::Disabled))
+        };
+        Self { settings, mode, permission, contacts_lost: 0 }
+    }
+
+    /// Takes over the state of `old`, with these settings.
+    pub(crate) fn take_over(&mut self, old: &Self) {
+        let Self { settings: _, mode, permission, contacts_lost } = old;
+        (self.mode, self.permission, self.contacts_lost) = (*mode, *permission, *contacts_lost);
+    }
+
+    /// The mode.
+    pub(crate) fn mode(&self) -> &Mode<D> {
+        &self.mode
+    }
+
+    /// Whether the law answers: not Idle, and not Stopped.
+    pub(crate) fn is_in_control(&self) -> bool {
+        matches!(self.mode, Mode::Free | Mode::Contact(_) | Mode::Stopping(_))
+    }
+
+    /// Contacts lost that should have been kept.
+    pub(crate) fn contacts_lost(&self) -> u64 {
+        self.contacts_lost
+    }
+
+    /// Whether a stop is under way because the model was wrong.
+    pub(crate) fn doubts_model(&self) -> bool {
+        let Mode::Stopping(Stopping { stop, .. }) = &self.mode else { return false };
+        matches!(stop.reason, StopReason::MeasuredForce | StopReason::ModelDisagrees)
+    }
+
+    /// Goes to the mode that a cause leads to at the instant `at`.
+    fn apply(&mut self, cause: Cause, at: Instant) {
+        self.apply_at_pose(cause, at, None);
+    }
+
+    fn apply_at_pose(&mut self, cause: Cause, at: Instant, singular: Option<Singular>) {
+        let next = decide(self.mode.name(), cause, self.settings.policy);
+        let stop = cause.reason().map(|reason| Stop { reason, singular });
+        self.mode = match (next, self.mode) {
+            (ModeName::Idle, Mode::Idle(reason)) => Mode::Idle(cause.reason().or(reason)),
+            (ModeName::Idle, _) => Mode::Idle(cause.reason()),
+            (ModeName::Free, _) => Mode::Free,
+            (ModeName::Contact, mode @ Mode::Contact(_)) => mode,
+            (ModeName::Contact, _) => Mode::Contact(ContactMemory::new()),
+            (ModeName::Stopping | ModeName::Stopped, mode @ Mode::Stopped(_)) => mode,
+            (ModeName::Stopping, mode @ Mode::Stopping(_)) => mode,
+            (ModeName::Stopping, mode) => {
+                let unsolved = if let Mode::Contact(memory) = mode { memory.unsolved } else { 0 };
+                stop.map_or(mode, |stop| Mode::Stopping(Stopping { stop, since: at, unsolved }))
+            }
+            (ModeName::Stopped, Mode::Stopping(Stopping { stop, .. })) => Mode::Stopped(stop),
+            (ModeName::Stopped, mode) => stop.map_or(mode, Mode::Stopped),
+        };
+    }
+
+    /// A valid sample came: may control begin, or go on? `felt` says whether it feels a force.
+    pub(crate) fn admit<const N: usize>(&mut self, sample: &Accepted<N, D>, felt: &Felt<D>) {
+        let cause = match self.mode {
+            Mode::Idle(_) => match self.objection(sample) {
+                Some(objection) => Some(objection),
+                None if felt.is_any() => Some(Cause::StartedInContact),
+                None => Some(Cause::Ready),
+            },
+            Mode::Free | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
+                (sample.is_new_run && felt.is_any()).then_some(Cause::StartedInContact)
+            }
+        };
+        if let Some(cause) = cause {
+            self.apply(cause, sample.stamp);
+        }
+        if self.is_in_control() && !sample.drives_enabled {
+            self.apply(Cause::DrivesDisabled, sample.stamp);
+        }
+        if self.is_in_control()
+            && let Err(singular) = sample.posture.inverse(self.least_condition())
+        {
+            self.apply_at_pose(Cause::Singular, sample.stamp, Some(singular));
+        }
+    }
+
+    /// What keeps control from beginning.
+    fn objection<const N: usize>(&self, sample: &Accepted<N, D>) -> Option<Cause> {
+        match self.permission {
+            Permission::Withdrawn(ending) => Some(ending.cause()),
+            Permission::Given if !sample.drives_enabled => Some(Cause::DrivesDisabled),
+            Permission::Given => sample.wrong_rate.map(|_| Cause::RateMismatch),
+        }
+    }
+
+    /// In contact the arm is stopped while J still inverts: held at once, what its joints still
+    /// turn would press on the spring.
+    fn least_condition(&self) -> f64 {
+        let least = self.settings.minimum_reciprocal_condition;
+        let stops_by_model = self.settings.predicts
+            && self.settings.policy.on_infeasible == OnInfeasible::MinimumForceStop
+            && matches!(self.mode, Mode::Contact(_) | Mode::Stopping(_));
+        if stops_by_model { least * CONDITION_LEFT } else { least }
+    }
+
+    /// What the guards say about a sample. In contact they also count the cycles in a row.
+    pub(crate) fn guard<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) -> Option<Cause> {
+        let Settings { guards, thresholds, force_limit, sign, .. } = &self.settings;
+        let exceeded = guards.exceeded(&sample.wrench, force_limit, &thresholds.admittance);
+        match &mut self.mode {
+            Mode::Free => exceeded.or_else(|| guards::pulls(*sign, thresholds, &sample.wrench, belief)),
+            Mode::Contact(memory) => exceeded.or_else(|| {
+                let mismatches = guards.mismatches(&sample.wrench, belief);
+                memory.mismatches = if mismatches { memory.mismatches + 1 } else { 0 };
+                guards.disagrees(memory.mismatches)
+            }),
+            Mode::Idle(_) | Mode::Stopping(_) | Mode::Stopped(_) => None,
+        }
+    }
+
+    /// Follows contact as it begins and ends. Returns whether one has just ended.
+    #[must_use]
+    pub(crate) fn follow_contact<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) -> bool {
+        let contact = belief.contact();
+        let was_in_contact = matches!(self.mode, Mode::Contact(_));
+        if contact.is_any() {
+            self.apply(Cause::Touch, sample.stamp);
+        } else if self.keeps_contact(sample, belief) {
+            self.contacts_lost += 1;
+            self.apply(Cause::ContactLost, sample.stamp);
+        } else {
+            self.apply(Cause::Release, sample.stamp);
+        }
+        if let Mode::Contact(memory) = &mut self.mode {
+            memory.follow(contact, &sample.wrench, &self.settings.minimum_force);
+        }
+        was_in_contact && matches!(self.mode, Mode::Free)
+    }
+
+    /// Whether the minimum force is in force: losing contact now is against the law's intent.
+    fn keeps_contact<const N: usize>(&self, sample: &Accepted<N, D>, belief: &Belief<D>) -> bool {
+        let Mode::Contact(memory) = &self.mode else { return false };
+        self.settings.predicts
+            && self.settings.lower_bound == LowerBound::OnceReached
+            && !belief.surface().is_left_by(&sample.twist_reference)
+            && memory.has_reached()
+    }
+
+    /// Stops or ends control if something requires it: the `guards`, a pose that is nearly
+    /// singular, or a request to end control, in free motion once the offset is zero.
+    pub(crate) fn heed<const N: usize>(
+        &mut self,
+        guards: Option<Cause>,
+        sample: &Accepted<N, D>,
+        offset_is_zero: bool,
+    ) {
+        let stamp = sample.stamp;
+        if let Some(cause) = guards {
+            self.apply(cause, stamp);
+        }
+        if let (true, Err(singular)) =
+            (self.is_in_control(), sample.posture.inverse(self.settings.minimum_reciprocal_condition))
+        {
+            self.apply_at_pose(Cause::NearlySingular, stamp, Some(singular));
+        }
+        let ending = match self.permission {
+            Permission::Withdrawn(ending) => Some(ending.cause()),
+            Permission::Given => sample.wrong_rate.map(|_| Cause::RateMismatch),
+        };
+        let is_ramping = matches!(self.mode, Mode::Free) && !offset_is_zero && sample.wrong_rate.is_none();
+        if let Some(cause) = ending.filter(|_| self.is_in_control() && !is_ramping) {
+            self.apply(cause, stamp);
+        }
+    }
+
+    /// Whether a stop at the lowest force is under way.
+    pub(crate) fn is_stopping(&self) -> bool {
+        matches!(self.mode, Mode::Stopping(_))
+    }
+
+    /// What the MPC is to predict in this cycle.
+    pub(crate) fn task(&self) -> Option<Task> {
+        match self.mode {
+            Mode::Contact(_) if self.settings.predicts => Some(Task::Press),
+            Mode::Stopping(_) => Some(Task::Stop),
+            Mode::Contact(_) | Mode::Idle(_) | Mode::Free | Mode::Stopped(_) => None,
+        }
+    }
+
+    /// What the prediction must achieve for the contact.
+    pub(crate) fn demand<const N: usize>(&mut self, situation: &Situation<'_, N, D>) -> Demand<D> {
+        let (belief, twist_reference) = (situation.belief, &situation.sample.twist_reference);
+        let (active, signs) = (belief.contact().active(), belief.bounded_signs());
+        let mut minimum = [f64::NEG_INFINITY; D];
+        if let Mode::Contact(memory) = &mut self.mode {
+            let leaves = belief.surface().is_left_by(twist_reference);
+            for axis in (0..D).filter(|&axis| signs[axis] != 0.0) {
+                let minimum_force = self.settings.minimum_force[axis];
+                minimum[axis] = match self.settings.lower_bound {
+                    LowerBound::Always => minimum_force,
+                    LowerBound::OnceReached if leaves => f64::NEG_INFINITY,
+                    LowerBound::OnceReached => {
+                        memory.lower_bound(axis, situation.spring_force(axis, signs[axis]), minimum_force)
+                    }
+                };
+            }
+        }
+        Demand { active, signs, minimum }
+    }
+}

@@ -1,0 +1,58 @@
+//! Settings of this stage.
+
+use nalgebra::SVector;
+
+use super::{Guards, Policy};
+use crate::belief::{ContactSign, Thresholds};
+use crate::intake::Timing;
+use crate::mpc::LowerBound;
+use crate::quantities::Span;
+
+/// What an infeasible verdict leads to. Both are latched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OnInfeasible {
+    /// Zero joint velocity at once (III.C).
+    Halt,
+    /// The lowest force that can still be reached, then zero joint velocity.
+    MinimumForceStop,
+}
+
+/// What the loss of a contact that should be kept leads to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OnContactLost {
+    /// On in free motion; it is counted.
+    Continue,
+    /// Zero joint velocity, latched.
+    Stop,
+}
+
+/// Settings of this stage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Settings<const D: usize> {
+    /// Whether the law predicts: keeps the force within bounds, and stops by its model.
+    pub predicts: bool,
+    /// What to do about a force that cannot be kept.
+    pub policy: Policy,
+    /// β and the release threshold.
+    pub thresholds: Thresholds<D>,
+    /// Where the sign of a contact comes from.
+    pub sign: ContactSign,
+    /// f_max per axis in N and N·m.
+    pub force_limit: SVector<f64, D>,
+    /// f_min per axis in N and N·m.
+    pub minimum_force: SVector<f64, D>,
+    /// When f_min holds.
+    pub lower_bound: LowerBound,
+    /// Guards.
+    pub guards: Guards,
+    /// How long a plan may stand in for an answer.
+    pub timing: Timing,
+    /// Reciprocal condition number of J below which the pose counts as singular.
+    pub minimum_reciprocal_condition: f64,
+    /// Longest open-loop retreat.
+    pub retreat_time: Span,
+    /// Longest duration of a minimum-force stop; after it the arm is held, whatever the force.
+    pub stop_timeout: Span,
+    /// Whether the first valid sample without contact starts control.
+    pub start_enabled: bool,
+}

@@ -1,0 +1,108 @@
+//! Records of a contact in virtual time, replayed.
+
+use admittance_runner::cycle;
+use admittance_runner::virtual_time::VirtualTime;
+use plant_sim::run::VirtualRun;
+use plant_sim::scenario::Scenario;
+
+use super::*;
+
+const CONFIG: &str = include_str!("../../../../../deploy/demo/mpc-default.toml");
+const SCENARIO: &str = include_str!("../../../../../plant-sim/scenarios/paper.toml");
+
+fn config() -> Config {
+    config::parse(CONFIG, "mpc-default.toml").expect("valid")
+}
+
+/// What a daemon would record of the paper's contact in virtual time. Its time is up as `is_over`
+/// says of a record's sequence and of how often the law has asked.
+fn records(is_over: fn(u64, u64) -> bool) -> Vec<RecordSample> {
+    let scenario: Scenario = config::parse(SCENARIO, "paper.toml").expect("valid");
+    let plant = VirtualRun::new(&scenario).expect("the scenario can be set up");
+    let mut run = VirtualTime::new(cycle::build(&config()).expect("a known arm"), plant);
+    let mut records = Vec::new();
+    loop {
+        let sequence = records.len() as u64 + 1;
+        let Some(step) = run.step_in_time(|asked| is_over(sequence, asked)).expect("no faults in this scenario") else {
+            return records;
+        };
+        let mut record = RecordSample {
+            sequence,
+            now_ns: step.state.stamp_ns,
+            boot_id: 7,
+            expired_at: step.expired_at,
+            kind: RecordKind::Sample.code(),
+            state: step.state,
+            command: CommandSample { boot_id: 7, ..step.command },
+            ..RecordSample::zeroed()
+        };
+        step.report.write(&mut record);
+        run.cycle.write(&mut record);
+        records.push(record);
+    }
+}
+
+/// Replays records until one differs; the sequence of that one, and how many were compared.
+fn replay(records: &[RecordSample]) -> (Option<u64>, u64) {
+    let configurations = BTreeMap::new();
+    let mut session = Session::new(config(), &configurations, true).expect("a known arm");
+    for record in records {
+        if session.take(record).expect("sound records").is_some() {
+            return (Some(record.sequence), session.compared());
+        }
+    }
+    (None, session.compared())
+}
+
+#[test]
+fn a_time_that_was_up_is_up_again_at_the_same_question() {
+    // In every third cycle at the first question, else at the second.
+    let mut records = records(|sequence, asked| asked >= if sequence.is_multiple_of(3) { 1 } else { 2 });
+    let count = records.len() as u64;
+    let expired: Vec<usize> = (0..records.len()).filter(|index| records[*index].expired_at > 0).collect();
+    for question in 1..=2 {
+        assert!(expired.iter().any(|index| records[*index].expired_at == question), "a cycle of {question} questions");
+    }
+    assert_eq!(replay(&records), (None, count));
+    let first = expired[0];
+    records[first].expired_at = 0;
+    assert_eq!(replay(&records), (Some(records[first].sequence), first as u64));
+}
+
+#[test]
+fn one_bit_is_found_wherever_it_is() {
+    let records = records(|_, _| false);
+    let touched = records.iter().position(|record| record.command.active_axes != 0).expect("a contact");
+    let alterations: [fn(&mut RecordSample); 5] = [
+        |record| record.command.velocity_offset[1] = f64::from_bits(record.command.velocity_offset[1].to_bits() ^ 1),
+        |record| record.command.planned_offset[31][5] = -0.0,
+        |record| record.command.valid_until_ns += 1,
+        |record| record.command.rejected_count += 1,
+        |record| record.iterations += 1,
+    ];
+    for alter in alterations {
+        let mut records = records.clone();
+        alter(&mut records[touched + 3]);
+        assert_eq!(replay(&records), (Some(touched as u64 + 4), touched as u64 + 3));
+    }
+    // A different sample leads to a different answer.
+    let mut records = records;
+    records[touched + 3].state.wrench[1] -= 1.0;
+    assert_eq!(replay(&records).0, Some(touched as u64 + 4));
+}
+
+#[test]
+fn after_a_gap_the_replay_begins_anew_in_free_motion() {
+    let records = records(|_, _| false);
+    let touched = records.iter().position(|record| record.command.active_axes != 0).expect("a contact");
+    let begin = touched - RUN_IN as usize - 10;
+    let compared = |records: &[RecordSample]| replay(records);
+    // As a recording that begins late.
+    assert_eq!(compared(&records[begin..]), (None, (records.len() - begin) as u64 - RUN_IN));
+    // A gap before the run-in, and one within it.
+    let gap = [&records[..50], &records[begin..]].concat();
+    assert_eq!(compared(&gap), (None, 50 + (records.len() - begin) as u64 - RUN_IN));
+    let late_gap = [&records[..begin + 20], &records[begin + 21..]].concat();
+    assert_eq!(compared(&late_gap), (None, (begin + 20) as u64), "too few cycles are left to find the state from");
+    assert_eq!(compared(&records[touched..]), (None, 0));
+}

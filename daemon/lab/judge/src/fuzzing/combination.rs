@@ -1,0 +1,81 @@
+//! A row's normal as a combination of those of the working set, c = Σ f_i c_i + e with e as short
+//! as can be: what a row that nearly depends on the working set may be violated by is in f and e.
+
+use admittance_core::mpc::qp::RowState;
+
+use super::examination::{Scale, length};
+use crate::judge::Plea;
+use crate::random_qp::DenseQp;
+
+/// The working set's normals, c = U⁻ᵀ a, as Cᵀ = Q R.
+pub(super) struct Combinations {
+    members: Vec<usize>,
+    columns: Vec<Vec<f64>>,
+    /// R, column after column.
+    triangle: Vec<Vec<f64>>,
+}
+
+/// How a row is a combination of the working set's.
+pub(super) struct Combination {
+    /// The members' rows with their part f, and how far each of their normals is from the span of
+    /// the others.
+    pub(super) parts: Vec<(usize, f64, f64)>,
+    /// ‖e‖.
+    pub(super) rest: f64,
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl Combinations {
+    pub(super) fn of(scale: &Scale, problem: &DenseQp, plea: &Plea) -> Self {
+        let mut all = Self { members: Vec::new(), columns: Vec::new(), triangle: Vec::new() };
+        for (row, _) in plea.working.iter().enumerate().filter(|(_, state)| **state != RowState::Inactive) {
+            let (parts, rest) = all.project(scale.normal(problem.rows.row(row)));
+            let pivot = length(&rest);
+            if pivot > 0.0 {
+                all.members.push(row);
+                all.columns.push(rest.iter().map(|c| c / pivot).collect());
+                all.triangle.push(parts.into_iter().chain([pivot]).collect());
+            }
+        }
+        all
+    }
+
+    /// Qᵀ c and what is left of c, taken away twice: then that is orthogonal to rounding.
+    fn project(&self, mut c: Vec<f64>) -> (Vec<f64>, Vec<f64>) {
+        let mut parts = vec![0.0; self.columns.len()];
+        for _ in 0..2 {
+            for (part, column) in parts.iter_mut().zip(&self.columns) {
+                let along = dot(&c, column);
+                c.iter_mut().zip(column).for_each(|(c, q)| *c -= along * q);
+                *part += along;
+            }
+        }
+        (parts, c)
+    }
+
+    pub(super) fn of_row(&self, scale: &Scale, problem: &DenseQp, row: usize) -> Combination {
+        let (mut parts, rest) = self.project(scale.normal(problem.rows.row(row)));
+        for column in (0..parts.len()).rev() {
+            parts[column] /= self.triangle[column][column];
+            for above in 0..column {
+                parts[above] -= self.triangle[column][above] * parts[column];
+            }
+        }
+        let members = self.members.iter().zip(parts).enumerate();
+        let parts = members.map(|(index, (row, part))| (*row, part, self.distance(index))).collect();
+        Combination { parts, rest: length(&rest) }
+    }
+
+    /// 1 / ‖R⁻ᵀ e_i‖.
+    fn distance(&self, index: usize) -> f64 {
+        let mut x = vec![0.0; self.columns.len()];
+        for column in index..x.len() {
+            let known: f64 = (index..column).map(|above| self.triangle[column][above] * x[above]).sum();
+            x[column] = (f64::from(column == index) - known) / self.triangle[column][column];
+        }
+        1.0 / length(&x)
+    }
+}

@@ -1,0 +1,72 @@
+//! What developers of admittanced measure with: studies of the verdict, benchmarks of solver and
+//! cycle, and soaks. Operators need none of it: what they install is `admittancectl`.
+
+mod bench;
+mod soak;
+mod study;
+
+use std::process::ExitCode;
+
+use admittance_host::cpu;
+use admittancectl::roles::{self, Role};
+use clap::{Parser, Subcommand};
+
+use admittancectl::{Exit, Outcome};
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "admittance-lab",
+    version,
+    about = "Measure admittanced: its verdict, its solver, its cycle, and what it survives.",
+    arg_required_else_help = true
+)]
+#[command(after_help = "Examples:\n  admittance-lab study verdict --runs 200 --seed 1\n  admittance-lab bench solver \
+    daemon/lab/judge/problems/d2_h5.bin\n  admittance-lab soak --minutes 2\n\nExit codes: 0 done, 1 claim not met, \
+    64 usage, 65 malformed data, 66 no such file, 69 not available, 75 machine too busy, 77 no permission.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Time the solver, or the whole cycle, on this machine.
+    Bench(bench::Args),
+    /// Compare the controller's verdicts with what is attainable, over random contacts.
+    Study(study::Args),
+    /// Let things go wrong at random, for long, and watch what must never happen.
+    Soak(soak::Args),
+    /// The daemon's real-time thread in this process, observed: what bench jitter starts.
+    #[command(hide = true)]
+    RoleObservedDaemon(bench::ObservedArgs),
+    /// What soak starts to look on from outside.
+    #[command(hide = true)]
+    RoleSoakObserver(soak::observer::Args),
+    #[command(flatten)]
+    Role(Role),
+}
+
+fn main() -> ExitCode {
+    if let Some(feature) = cpu::missing_cpu_feature() {
+        eprintln!(
+            "admittance-lab: this processor lacks {feature}, which this build needs (x86-64-v3): build for this machine"
+        );
+        return Exit::Unavailable.into();
+    }
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return admittancectl::usage(&error),
+    };
+    admittancectl::exit("admittance-lab", run(cli.command))
+}
+
+fn run(command: Command) -> Outcome<Exit> {
+    match command {
+        Command::Bench(args) => bench::run(&args),
+        Command::Study(args) => study::run(&args),
+        Command::Soak(args) => soak::run(&args),
+        Command::RoleSoakObserver(args) => soak::observer::run(&args),
+        Command::RoleObservedDaemon(args) => bench::observed::run(&args),
+        Command::Role(role) => roles::run(role),
+    }
+}

@@ -1,0 +1,172 @@
+//! `admittance-lab study`: what the controller's verdicts are worth, over many random contacts.
+
+#[cfg(test)]
+mod approach;
+mod arm;
+mod attainable;
+mod closed_loop;
+mod controller;
+mod draw;
+mod ocp;
+mod single_case;
+mod speed_figure;
+mod statistics;
+mod table;
+
+use std::path::PathBuf;
+
+use admittancectl::{Exit, offline, parallel};
+use controller::{Profile, Variant};
+use draw::Draw;
+use statistics::Case;
+
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  admittance-lab study verdict --runs 200 --seed 1\n  admittance-lab study case --seed 1 --index 17"
+)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    /// Hold the feasibility verdict against what is attainable at all, over random contacts in
+    /// virtual time.
+    #[command(after_help = "Examples:\n  admittance-lab study verdict --runs 1000 --seed 1\n  \
+        admittance-lab study verdict --runs 10000 --seed 1 --json > verdict.json\n\n\
+        First active sample: the first whose wrench estimate exceeds the activation threshold on an axis. Attainable: from \
+        its state some input, held for a sampling time each, keeps the force limits for 100 ms. Feasible: no verdict of the \
+        run is infeasible. Unsound: a limit exceeded by more than 0.5 N + 0.5 % in a cycle whose verdict was feasible. \
+        Timid: infeasible though attainable, at once or later. Withdrawn: feasible first, infeasible later. The same seed gives the same \
+        answer, whatever the number of threads.")]
+    Verdict(VerdictArgs),
+    /// Say all about one contact of a verdict study.
+    #[command(after_help = "Example:\n  admittance-lab study case --seed 1 --index 42 --save /tmp/case-42")]
+    Case(CaseArgs),
+}
+
+#[derive(Debug, clap::Args)]
+struct VerdictArgs {
+    /// Number of random contacts.
+    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    runs: u64,
+    /// Seed of the random contacts.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[command(flatten)]
+    options: offline::Options,
+}
+
+#[derive(Debug, clap::Args)]
+struct CaseArgs {
+    /// Seed of the study.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Number of the contact in the study, from 0.
+    #[arg(long)]
+    index: u64,
+    /// Also write its scenario and its controllers' configurations into this directory.
+    #[arg(long, value_name = "DIRECTORY")]
+    save: Option<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
+    match &args.what {
+        What::Verdict(args) => verdict(args),
+        What::Case(args) => one_of_them(args),
+    }
+}
+
+fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
+    print!("{}", single_case::describe(args.seed, args.index).map_err(|why| (Exit::Internal, why))?);
+    if let Some(directory) = &args.save {
+        single_case::save(args.seed, args.index, directory).map_err(|why| (Exit::Unavailable, why))?;
+    }
+    Ok(Exit::Ok)
+}
+
+fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
+    let (options, threads) = (&args.options, args.options.threads());
+    options.begin_figure()?;
+    let cases = cases(args.seed, args.runs, threads).map_err(|why| (Exit::Internal, why))?;
+    let mut figures = statistics::figures(args.seed, &cases);
+    if options.wants_figure() {
+        let speeds = speed_figure::speeds(threads).map_err(|why| (Exit::Internal, why))?;
+        let svg = speed_figure::svg(&speeds).map_err(|why| (Exit::Internal, why))?;
+        options.write_figure(&svg)?;
+        figures.approach_speeds = Some(speeds);
+    }
+    options.print(&figures, || table::table(&figures))?;
+    Ok(Exit::Ok)
+}
+
+/// Cases 0 to `runs` − 1, in this order.
+///
+/// # Errors
+/// A case that could not be drawn.
+fn cases(seed: u64, runs: u64, threads: usize) -> Result<Vec<Case>, String> {
+    parallel::map(runs, threads, "contacts", |index| one_case(seed, index))
+}
+
+/// Draws a case, runs every variant, and asks the judge.
+fn one_case(seed: u64, index: u64) -> Result<Case, String> {
+    let draw = Draw::new(seed, index)?;
+    let runs = Variant::ALL.map(|variant| {
+        let scenario = controller::scenario(&draw)?;
+        closed_loop::run(&controller::controller(&draw, Profile::Default, variant)?, &scenario)
+    });
+    // Up to the first active sample all variants are the same.
+    let first = runs[0].as_ref().ok().and_then(|seen| seen.first_active);
+    let answer = first.map(|first| closed_loop::contact(&draw, &first).lowest_peak());
+    let optimum_n = answer.as_ref().and_then(|answer| answer.as_ref().ok()).map_or(f64::NAN, |answer| answer.optimum_n);
+    let attainable_peak_n = answer.map(|answer| answer.map(|answer| answer.peak_n));
+    // Only where a contact was lost is it worth the time to ask whether it had to be.
+    let has_lost = runs.iter().flatten().any(|seen| seen.is_feasible() && seen.contact_losses > 0);
+    let in_contact = |first| closed_loop::contact(&draw, &first).lowest_peak_in_contact();
+    let peak_in_contact_n =
+        first.filter(|_| has_lost).map(|first| in_contact(first).map_or(f64::INFINITY, |a| a.optimum_n));
+    Ok(Case { draw, attainable_peak_n, optimum_n, peak_in_contact_n, runs })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_answer_does_not_depend_on_the_number_of_threads() {
+        let text = |threads| {
+            let figures = statistics::figures(11, &cases(11, 12, threads).unwrap());
+            serde_json::to_string(&figures).unwrap()
+        };
+        assert_eq!(text(1), text(3));
+    }
+
+    #[test]
+    fn all_variants_become_active_in_the_same_state() {
+        for index in 0..8 {
+            let case = one_case(2, index).unwrap();
+            let first = |run: &Result<closed_loop::Seen, String>| run.as_ref().unwrap().first_active;
+            let active = first(&case.runs[0]).unwrap();
+            // The judge's arm and surface are the plant's.
+            let contact = closed_loop::contact(&case.draw, &active);
+            let force = contact.stiffness_n_m * contact.penetration_m(contact.joint_position_rad);
+            assert!((force - active.normal_force_n).abs() < 1e-6 * force, "{force} {}", active.normal_force_n);
+            assert!(case.runs.iter().all(|run| first(run) == first(&case.runs[0])), "case {index}");
+        }
+    }
+
+    #[test]
+    fn the_judge_agrees_with_every_joint_outward_at_once() {
+        // Not the judge's method, but an upper bound that is easily computed.
+        for index in 0..40 {
+            let draw = Draw::new(3, index).unwrap();
+            let config = controller::controller(&draw, Profile::Default, Variant::Nominal).unwrap();
+            let seen = closed_loop::run(&config, &controller::scenario(&draw).unwrap()).unwrap();
+            let contact = closed_loop::contact(&draw, &seen.first_active.unwrap());
+            let (judge, outward) = (contact.lowest_peak().unwrap(), contact.peak_of_full_speed_outward_n());
+            let ratio = judge.peak_n / outward;
+            assert!((0.97..1.001).contains(&ratio), "case {index}: {} of {outward} N", judge.peak_n);
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! The optimal control problem behind [`super::attainable`] as a linear programme for Clarabel, in
+//! sparse stage form: joint positions and velocities at the start of every input are variables,
+//! tied by the exact first-order lags, and each instant of the grid is one row of seven numbers.
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
+
+use super::arm::{dot, lag};
+use super::attainable::{Contact, JointState};
+
+/// Distance in s of the instants at which the force counts; within an input that is no multiple of
+/// it, the next smaller distance that divides it.
+pub(super) const GRID_S: f64 = 1e-4;
+const TOLERANCE: f64 = 1e-9;
+const MAX_ITERATIONS: u32 = 200;
+/// Variables of a stage: two references, two velocities, two positions.
+const STAGE: usize = 6;
+
+/// One input, and the trajectory along which the kinematics are linearised.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stage {
+    /// How long the input is held, in s.
+    pub(super) duration_s: f64,
+    /// Where the trajectory is at its start; `None`: at the pose of the start of the problem, all
+    /// the time.
+    pub(super) state: Option<JointState>,
+    /// The trajectory's reference in rad/s.
+    pub(super) reference: [f64; 2],
+}
+
+/// What the programme answers.
+#[derive(Debug, Clone)]
+pub(super) struct Solution {
+    /// Largest k·penetration in N.
+    pub(super) optimum_n: f64,
+    /// Reference in rad/s of each input.
+    pub(super) references: Vec<[f64; 2]>,
+}
+
+/// Rows of A x + s = b as triplets.
+#[derive(Default)]
+struct Rows {
+    triplets: Vec<(usize, usize, f64)>,
+    bounds: Vec<f64>,
+}
+
+impl Rows {
+    fn push(&mut self, entries: &[(usize, f64)], bound: f64) {
+        let row = self.bounds.len();
+        self.triplets
+            .extend(entries.iter().filter(|entry| entry.1 != 0.0).map(|(column, value)| (row, *column, *value)));
+        self.bounds.push(bound);
+    }
+}
+
+/// Values that bring all variables to the order of one.
+#[derive(Clone, Copy)]
+struct Scale {
+    speed: f64,
+    angle: f64,
+    force: f64,
+}
+
+/// min s subject to k·penetration ≤ s at all instants of the grid, `peak_before_n` ≤ s, and the
+/// bounds of the references; with `keeps_contact` also penetration ≥ 0.
+///
+/// # Errors
+/// Clarabel's status when it does not solve the problem.
+pub(super) fn minimise(
+    contact: &Contact,
+    start: &JointState,
+    peak_before_n: f64,
+    stages: &[Stage],
+    keeps_contact: bool,
+) -> Result<Solution, String> {
+    let scale = scale(contact, start, peak_before_n);
+    let peak = STAGE * stages.len();
+    let mut rows = Rows::default();
+    dynamics(contact, start, stages, scale, &mut rows);
+    let equalities = rows.bounds.len();
+    rows.push(&[(peak, -1.0)], -peak_before_n / scale.force);
+    for (m, stage) in stages.iter().enumerate() {
+        for (joint, (least, most)) in contact.joint_speed_bounds_rad_s.into_iter().enumerate() {
+            let reference = STAGE * m + joint;
+            rows.push(&[(reference, 1.0)], most / scale.speed);
+            rows.push(&[(reference, -1.0)], -least / scale.speed);
+        }
+        let peak = Some(peak);
+        force_rows(contact, start, stage, m, peak, scale, &mut rows);
+        if keeps_contact {
+            force_rows(contact, start, stage, m, None, scale, &mut rows);
+        }
+    }
+    let inequalities = rows.bounds.len() - equalities;
+    let mut gradient = vec![0.0; peak + 1];
+    gradient[peak] = 1.0;
+    let x = solve(&gradient, &rows, equalities, inequalities)?;
+    let references = (0..stages.len()).map(|m| {
+        std::array::from_fn(|joint| {
+            // An interior point may be outside by its tolerance.
+            let (least, most) = contact.joint_speed_bounds_rad_s[joint];
+            (x[STAGE * m + joint] * scale.speed).clamp(least, most)
+        })
+    });
+    Ok(Solution { optimum_n: x[peak] * scale.force, references: references.collect() })
+}
+
+fn scale(contact: &Contact, start: &JointState, peak_before_n: f64) -> Scale {
+    let speed = contact.joint_speed_bounds_rad_s.iter().fold(0.0_f64, |most, (a, b)| most.max(a.abs()).max(b.abs()));
+    let longest = contact.velocity_time_constant_s[0].max(contact.velocity_time_constant_s[1]);
+    // What the force would be if the arm coasted into the surface for one time constant.
+    let inward = -dot(contact.arm.lever_m(start.position, contact.normal), start.velocity);
+    let force = peak_before_n.abs() + contact.stiffness_n_m * inward.abs() * longest;
+    Scale { speed: speed.max(1e-3), angle: speed.max(1e-3) * longest, force: force.max(1e-3) }
+}
+
+/// Velocity and position (the latter relative to the start) at the start of every input.
+fn dynamics(contact: &Contact, start: &JointState, stages: &[Stage], scale: Scale, rows: &mut Rows) {
+    for joint in 0..2 {
+        let (velocity, position) = (2 + joint, 4 + joint);
+        rows.push(&[(velocity, 1.0)], start.velocity[joint] / scale.speed);
+        rows.push(&[(position, 1.0)], 0.0);
+        let time_constant = contact.velocity_time_constant_s[joint];
+        for (m, stage) in stages.iter().enumerate().take(stages.len().saturating_sub(1)) {
+            let (at, next) = (STAGE * m, STAGE * (m + 1));
+            let (by_velocity, decay) = lag(time_constant, 1.0, 0.0, stage.duration_s);
+            let (by_reference, gain) = lag(time_constant, 0.0, 1.0, stage.duration_s);
+            rows.push(&[(next + velocity, 1.0), (at + velocity, -decay), (at + joint, -gain)], 0.0);
+            let ratio = scale.speed / scale.angle;
+            rows.push(
+                &[
+                    (next + position, 1.0),
+                    (at + position, -1.0),
+                    (at + velocity, -by_velocity * ratio),
+                    (at + joint, -by_reference * ratio),
+                ],
+                0.0,
+            );
+        }
+    }
+}
+
+/// k·penetration ≤ s at the instants of one input, its end included; without a variable for s,
+/// penetration ≥ 0 there.
+fn force_rows(
+    contact: &Contact,
+    start: &JointState,
+    stage: &Stage,
+    m: usize,
+    peak: Option<usize>,
+    scale: Scale,
+    rows: &mut Rows,
+) {
+    let instants = (stage.duration_s / GRID_S - 1e-9).ceil().max(1.0) as u32;
+    let unit = contact.stiffness_n_m / scale.force * if peak.is_some() { 1.0 } else { -1.0 };
+    for instant in 1..=instants {
+        let time = stage.duration_s * f64::from(instant) / f64::from(instants);
+        let around = match &stage.state {
+            Some(state) => contact.advance(state, stage.reference, time).position,
+            None => start.position,
+        };
+        // penetration(q) ≈ penetration(q̄) − g·(q − q̄), with q counted from the start.
+        let lever = contact.arm.lever_m(around, contact.normal);
+        let moved = std::array::from_fn(|joint| around[joint] - start.position[joint]);
+        let mut entries = [(peak.unwrap_or(STAGE * m), if peak.is_some() { -1.0 } else { 0.0 }); 7];
+        for joint in 0..2 {
+            let time_constant = contact.velocity_time_constant_s[joint];
+            let (by_velocity, _) = lag(time_constant, 1.0, 0.0, time);
+            let (by_reference, _) = lag(time_constant, 0.0, 1.0, time);
+            let at = STAGE * m + joint;
+            let factor = -unit * lever[joint];
+            entries[3 * joint] = (at, factor * by_reference * scale.speed);
+            entries[3 * joint + 1] = (at + 2, factor * by_velocity * scale.speed);
+            entries[3 * joint + 2] = (at + 4, factor * scale.angle);
+        }
+        rows.push(&entries, -unit * (contact.penetration_m(around) + dot(lever, moved)));
+    }
+}
+
+fn solve(gradient: &[f64], rows: &Rows, equalities: usize, inequalities: usize) -> Result<Vec<f64>, String> {
+    let variables = gradient.len();
+    let (mut i, mut j, mut v) = (Vec::new(), Vec::new(), Vec::new());
+    for (row, column, value) in &rows.triplets {
+        i.push(*row);
+        j.push(*column);
+        v.push(*value);
+    }
+    let matrix = CscMatrix::new_from_triplets(rows.bounds.len(), variables, i, j, v);
+    let settings = DefaultSettings {
+        verbose: false,
+        max_iter: MAX_ITERATIONS,
+        tol_gap_abs: TOLERANCE,
+        tol_gap_rel: TOLERANCE,
+        tol_feas: TOLERANCE,
+        max_threads: 1,
+        presolve_enable: false,
+        ..DefaultSettings::default()
+    };
+    let hessian = CscMatrix::spalloc((variables, variables), 0);
+    let cones = [SupportedConeT::ZeroConeT(equalities), SupportedConeT::NonnegativeConeT(inequalities)];
+    let mut solver = DefaultSolver::new(&hessian, gradient, &matrix, &rows.bounds, &cones, settings)
+        .map_err(|error| format!("Clarabel: {error}"))?;
+    solver.solve();
+    match solver.solution.status {
+        // "Almost" is a relative gap of 5e-5 at most: newtons / 20,000.
+        SolverStatus::Solved | SolverStatus::AlmostSolved => Ok(solver.solution.x.clone()),
+        status => Err(format!("Clarabel: {status:?} after {} iterations", solver.solution.iterations)),
+    }
+}

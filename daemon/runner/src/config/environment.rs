@@ -1,0 +1,42 @@
+//! `[environment]`: the surface as it is told.
+
+use admittance_host::config::ConfigError;
+use admittance_host::{config_enum, config_section};
+
+config_enum! {
+    /// Where the contact point comes from.
+    pub enum ContactPointName {
+        /// contact_point_m.
+        Configured = "configured",
+        /// The first samples in contact say how deep the surface is along its normal.
+        Detected = "detected",
+    }
+}
+
+config_section! {
+    /// The surface: a stiff plane, base frame.
+    pub struct EnvironmentSection {
+        /// Stiffness along the normal, k_env of (19).
+        normal_stiffness_n_m: f64, unit "N/m", range 100.0..=1e8;
+        /// Outward normal, out of the material; any length above zero. (21):
+        /// [sin(angle), cos(angle), 0].
+        surface_normal: [f64; 3], unit "1", range -1.0..=1.0;
+        /// Where the contact point comes from.
+        contact: ContactPointName = ContactPointName::Configured;
+        /// Position of the TCP at first contact; not used with contact = "detected".
+        contact_point_m: Option<[f64; 3]>, unit "m", range -100.0..=100.0;
+        /// Standard deviation of the wrench estimate on one axis; with contact = "detected" the
+        /// margin of the verdict is reduced by what two of them make of the contact point.
+        wrench_noise_n: f64 = 0.0, unit "N", range 0.0..=100.0;
+        /// Orientation of the TCP at first contact: fixed-axis roll, pitch, yaw.
+        contact_rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;
+    }
+    cross_check known_contact_point;
+}
+
+fn known_contact_point(environment: &EnvironmentSection, path: &str, errors: &mut Vec<ConfigError>) {
+    if environment.contact == ContactPointName::Configured && environment.contact_point_m.is_none() {
+        let accepted = format!("three coordinates, or {path}.contact = \"detected\"");
+        errors.push(ConfigError::new(format!("{path}.contact_point_m"), "absent", accepted));
+    }
+}

@@ -1,0 +1,141 @@
+//! The configuration file: every key with its unit and range. `admittancectl validate` checks a
+//! file against it.
+
+use admittance_core::output::MAX_DELAY_CYCLES;
+use admittance_core::quantities::is_linear;
+use admittance_host::config::ConfigError;
+use admittance_host::ipc_section::IpcSection;
+use admittance_host::realtime::RealtimeSection;
+use admittance_host::robot_description::RobotDescription;
+use admittance_host::{config_file, config_section};
+
+mod contact;
+mod control;
+mod environment;
+mod limits;
+mod mpc;
+mod requests;
+mod stopping;
+mod wrench;
+
+pub use contact::{ContactSection, ContactSignName, LowerBoundName, OnContactLostName};
+pub use control::{Control, LawName, Wait};
+pub use environment::{ContactPointName, EnvironmentSection};
+pub use limits::LimitsSection;
+pub use mpc::{DiscretizationName, ForcePointsName, InputsName, MpcSection, OnInfeasibleName, WeightSpace};
+pub use requests::RequestsSection;
+pub use stopping::{DampingSection, StoppingSection};
+pub use wrench::{GivenInName, GivenSignName, WrenchSection};
+
+config_section! {
+    /// The whole file.
+    pub struct Config {
+        /// Where the daemon meets its motion controller.
+        ipc: IpcSection;
+        /// The arm.
+        robot: RobotDescription;
+        /// The cycle.
+        control: Control;
+        /// How the state sample's wrench is given.
+        wrench: WrenchSection;
+        /// Contact and force.
+        contact: ContactSection;
+        /// The surface.
+        environment: EnvironmentSection;
+        /// The MPC.
+        mpc: MpcSection;
+        /// The damping law; required with law = "damping".
+        damping: Option<DampingSection>;
+        /// Bounds of the offset.
+        limits: LimitsSection;
+        /// How a stop goes.
+        stopping: StoppingSection;
+        /// What requests may change.
+        requests: RequestsSection;
+        /// How the real-time thread runs.
+        realtime: RealtimeSection;
+    }
+    cross_check sizes_and_laws;
+}
+
+config_file!(Config);
+
+fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
+    let axes = config.robot.task_axes as usize;
+    let joints = config.robot.joint.len();
+    let weighted = match config.mpc.weights {
+        WeightSpace::Joint => (joints, "one for each joint"),
+        WeightSpace::Task => (axes, "one for each task axis"),
+    };
+    let per_axis = (axes, "one for each task axis");
+    let damping = config.damping.as_ref().map_or(axes, |damping| damping.damping_n_s_m.len());
+    let lengths = [
+        ("contact.admittance_axes", config.contact.admittance_axes.len(), per_axis),
+        ("contact.activation_threshold", config.contact.activation_threshold.len(), per_axis),
+        ("contact.release_threshold", config.contact.release_threshold.len(), per_axis),
+        ("contact.force_limit", config.contact.force_limit.len(), per_axis),
+        ("contact.minimum_force", config.contact.minimum_force.len(), per_axis),
+        ("contact.wrench_time_constant_s", config.contact.wrench_time_constant_s.len(), per_axis),
+        ("mpc.position_weight", config.mpc.position_weight.len(), weighted),
+        ("mpc.velocity_weight", config.mpc.velocity_weight.len(), weighted),
+        ("mpc.wrench_weight", config.mpc.wrench_weight.len(), per_axis),
+        ("mpc.input_weight", config.mpc.input_weight.len(), per_axis),
+        ("limits.velocity_offset", config.limits.velocity_offset.len(), per_axis),
+        ("damping.damping_n_s_m", damping, per_axis),
+    ];
+    let limits = &config.limits;
+    let per_joint = (joints, "one for each joint");
+    let optional = [
+        ("limits.joint_speed_rad_s", &limits.joint_speed_rad_s, per_joint),
+        ("limits.joint_position_min_rad", &limits.joint_position_min_rad, per_joint),
+        ("limits.joint_position_max_rad", &limits.joint_position_max_rad, per_joint),
+        ("limits.inward_rate_m_s2", &limits.inward_rate_m_s2, per_axis),
+        ("limits.outward_rate_m_s2", &limits.outward_rate_m_s2, per_axis),
+        ("wrench.deadband", &config.wrench.deadband, per_axis),
+        ("requests.force_limit_min", &config.requests.force_limit_min, per_axis),
+        ("requests.force_limit_max", &config.requests.force_limit_max, per_axis),
+    ];
+    let optional = optional.into_iter().filter_map(|(key, list, which)| Some((key, list.as_ref()?.len(), which)));
+    for (key, found, (accepted, which)) in lengths.into_iter().chain(optional) {
+        if found != accepted {
+            errors.push(ConfigError::new(key, format!("{found} values"), format!("{accepted} values, {which}")));
+        }
+    }
+    if config.control.law == LawName::Damping && config.damping.is_none() {
+        errors.push(ConfigError::new("damping", "absent", "a [damping] section, since control.law = \"damping\""));
+    }
+    let sampling_time = config.control.sampling_time_s;
+    if let Some(first) = config.mpc.step_lengths_s.as_ref().and_then(|steps| steps.first())
+        && *first != sampling_time
+    {
+        errors.push(ConfigError::new(
+            "mpc.step_lengths_s[0]",
+            first,
+            format!("control.sampling_time_s = {sampling_time}"),
+        ));
+    }
+    let normal = config.environment.surface_normal;
+    let in_task: f64 = (0..axes).filter(|axis| is_linear(*axis)).map(|axis| normal[axis] * normal[axis]).sum();
+    if in_task < 1e-6 {
+        errors.push(ConfigError::new(
+            "environment.surface_normal",
+            format!("{normal:?}"),
+            "a vector with a component on the task axes",
+        ));
+    }
+    let delayed = config.control.command_delay_s;
+    if config.mpc.model_delay && delayed > MAX_DELAY_CYCLES * sampling_time {
+        let accepted =
+            format!("at most {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s with mpc.model_delay");
+        errors.push(ConfigError::new("control.command_delay_s", delayed, accepted));
+    }
+    // What the deadband hides must be released already: hysteresis and limits see the whole force.
+    let releases = config.wrench.deadband.iter().flatten().zip(&config.contact.release_threshold);
+    for (axis, (deadband, release)) in releases.enumerate().filter(|(_, (deadband, release))| deadband > release) {
+        let accepted = format!("at most contact.release_threshold[{axis}] = {release}");
+        errors.push(ConfigError::new(format!("wrench.deadband[{axis}]"), deadband, accepted));
+    }
+    if !config.contact.admittance_axes.contains(&true) {
+        errors.push(ConfigError::new("contact.admittance_axes", "all false", "at least one true"));
+    }
+}

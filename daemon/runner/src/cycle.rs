@@ -1,0 +1,299 @@
+//! One cycle on wire samples: a state sample in, a command out, for an arm that is known at run
+//! time only.
+
+use std::any::Any;
+
+use admittance_core::Controller;
+use admittance_core::belief::{Expected, Snapshot};
+use admittance_core::intake::{Event, SampleFault};
+use admittance_core::mpc::{ActiveSet, QpSolver};
+use admittance_core::quantities::Instant;
+use admittance_core::robot::{SUPPORTED_ARMS, Singular};
+use admittance_core::supervisor::{EnableRefused, Ending, ResetRefused};
+use admittance_core::with_arm;
+use admittance_core::{Counters, CycleOutput};
+use ipc_types::{CommandSample, Fault, Mode, RecordSample, StateSample, StopReason, TASK_AXES};
+
+use crate::config::Config;
+use crate::settings::Settings;
+use crate::{parameters, wire};
+
+/// What a cycle reports besides its command, for log and record.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CycleReport {
+    /// Why the sample did not reach the law.
+    pub fault: Option<SampleFault>,
+    /// Iterations of the solver.
+    pub iterations: u32,
+    /// The iteration at which time was up.
+    pub expired_at: Option<u32>,
+    /// Whether a limit had to cut the offset after the law.
+    pub limited: bool,
+    /// Mean spacing of the samples in s, while it differs from the sampling time.
+    pub wrong_rate: Option<f64>,
+    /// How singular the pose was, if that is why the arm is stopped.
+    pub singular: Option<Singular>,
+    /// f̂ as the law saw it, in N and N·m; zero when the sample did not reach it.
+    pub wrench: [f64; TASK_AXES],
+}
+
+impl CycleReport {
+    /// Writes the cycle's own part into a record.
+    pub fn write(&self, record: &mut RecordSample) {
+        record.iterations = self.iterations;
+        record.fault = Fault::code_of(self.fault.as_ref().map(SampleFault::name));
+        record.limited = u32::from(self.limited);
+        record.wrench = self.wrench;
+    }
+}
+
+/// Why control ends, by an order's reason on the wire; `None` for a reason that no order gives.
+pub fn ending(reason: StopReason) -> Option<Ending> {
+    match reason {
+        StopReason::Disabled => Some(Ending::Disabled),
+        StopReason::Shutdown => Some(Ending::Shutdown),
+        _ => None,
+    }
+}
+
+/// The solver of the law.
+pub type Solver = ActiveSet<Box<[f64]>>;
+
+/// A controller for some arm, on wire samples.
+pub trait Cycle: Send {
+    /// Answers `state` at the time `now`. `expired` is called before and between solver iterations.
+    /// Fills in `command`, except its sequence, boot id, stamp, compute time and late count.
+    fn answer(
+        &mut self,
+        state: &StateSample,
+        now: Instant,
+        expired: &mut dyn FnMut() -> bool,
+        command: &mut CommandSample,
+    ) -> CycleReport;
+
+    /// Handles the silence when there has been no sample for too long.
+    fn silence(&mut self, now: Instant, command: &mut CommandSample) -> CycleReport;
+
+    /// Ends control; see [`Controller::end`].
+    fn end(&mut self, ending: Ending);
+
+    /// Lets control begin; see [`Controller::enable`].
+    ///
+    /// # Errors
+    /// [`EnableRefused`].
+    fn enable(&mut self) -> Result<bool, EnableRefused>;
+
+    /// Leaves Stopped; see [`Controller::reset`].
+    ///
+    /// # Errors
+    /// [`ResetRefused`].
+    fn reset(&mut self, force: bool) -> Result<(), ResetRefused>;
+
+    /// The mode.
+    fn mode(&self) -> Mode;
+
+    /// Whether control is enabled.
+    fn is_enabled(&self) -> bool;
+
+    /// Running counts.
+    fn counters(&self) -> Counters;
+
+    /// The belief about the surface.
+    fn belief(&self) -> Snapshot;
+
+    /// The values that requests may change, as they are in force.
+    fn settings(&self) -> &Settings;
+
+    /// Takes over the state of `old`, but keeps this controller's parameters. False when `old` is
+    /// for another arm.
+    fn take_over(&mut self, old: &dyn Cycle) -> bool;
+
+    /// For [`Self::take_over`].
+    fn as_any(&self) -> &dyn Any;
+}
+
+impl dyn Cycle + '_ {
+    /// Writes the state after a cycle or an order into a record.
+    pub fn write(&self, record: &mut RecordSample) {
+        let (counters, belief) = (self.counters(), self.belief());
+        record.limited_count = counters.limited;
+        record.contact_losses = counters.contacts_lost;
+        record.enabled = u32::from(self.is_enabled());
+        record.contact_point = belief.contact_point.into();
+        record.belief_uncertainty_n = belief.uncertainty;
+        record.expected_pressing_n = belief.expected.pressing;
+        record.expected_spring_n = belief.expected.spring;
+        record.expected_stamp_ns = belief.expected.stamp.nanoseconds();
+        self.settings().write(record);
+    }
+}
+
+/// The belief of a record.
+pub fn recorded_belief(record: &RecordSample) -> Snapshot {
+    Snapshot {
+        contact_point: record.contact_point.into(),
+        uncertainty: record.belief_uncertainty_n,
+        expected: Expected {
+            pressing: record.expected_pressing_n,
+            spring: record.expected_spring_n,
+            stamp: Instant::from_nanoseconds(record.expected_stamp_ns),
+        },
+    }
+}
+
+/// The controller that a (checked) configuration describes.
+///
+/// # Errors
+/// A sentence about what the law does not accept.
+pub fn build(config: &Config) -> Result<Box<dyn Cycle>, String> {
+    build_with(config, None, |solver| solver)
+}
+
+/// The same, starting from a belief: for a replay that begins after earlier contacts.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_believing(config: &Config, belief: &Snapshot) -> Result<Box<dyn Cycle>, String> {
+    build_with(config, Some(belief), |solver| solver)
+}
+
+/// The same with a wrapper around its solver: for measurements.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_with<S: QpSolver + Send + 'static>(
+    config: &Config,
+    belief: Option<&Snapshot>,
+    wrap: impl FnOnce(Solver) -> S,
+) -> Result<Box<dyn Cycle>, String> {
+    let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
+    with_arm!((joints, axes), <N, D> => {
+        let parameters = parameters::parameters::<N, D>(config)
+            .ok_or("the configuration's lists do not fit the arm: run admittancectl validate on it")?;
+        let capacity = parameters.solver_capacity();
+        let solver = ActiveSet::new(capacity, config.mpc.max_iterations, zeros(capacity.storage_len()))
+            .ok_or("the horizon is longer than the solver takes")?;
+        let storage = zeros(parameters.storage_len());
+        let controller = Controller::new(parameters, wrap(solver), storage).map_err(|error| error.to_string())?;
+        let controller = match belief {
+            Some(belief) => controller.believing(belief),
+            None => controller,
+        };
+        let command_delay = parameters.timing.command_delay;
+        Ok(Box::new(ArmCycle { controller, command_delay, settings: Settings::of(config) }))
+    }, else {
+        Err(format!("robot: {joints} joints with {axes} task axes: accepted are {SUPPORTED_ARMS}"))
+    })
+}
+
+fn zeros(length: usize) -> Box<[f64]> {
+    vec![0.0; length].into_boxed_slice()
+}
+
+struct ArmCycle<const N: usize, const D: usize, S> {
+    controller: Controller<N, D, S, Box<[f64]>>,
+    command_delay: admittance_core::quantities::Span,
+    settings: Settings,
+}
+
+impl<const N: usize, const D: usize, S: QpSolver + Send + 'static> ArmCycle<N, D, S> {
+    /// Takes an event. `valid_from` is the instant from which the command is valid, `planned_from`
+    /// the one from which its plan counts.
+    fn step(
+        &mut self,
+        event: Event<'_, N, D>,
+        now: Instant,
+        expired: &mut dyn FnMut() -> bool,
+        command: &mut CommandSample,
+    ) -> CycleReport {
+        let named = Instant::from_nanoseconds(command.state_stamp_ns);
+        let answer = self.controller.step(event, now, expired);
+        let outcome = &answer.outcome;
+        // An implausible stamp must not make a command valid for ever. On the wire the plan counts
+        // from the sample that the command names, which may be long gone.
+        let is_used = outcome.fault.is_none();
+        let planned_from = if is_used { named } else { now };
+        let valid_from = match event {
+            Event::Sample(sample) => sample.stamp.min(now),
+            Event::Silence => now,
+        };
+        wire::write_answer(command, &answer, planned_from.since(named).nanoseconds());
+        command.valid_until_ns = (valid_from + self.command_delay + answer.validity).nanoseconds();
+        report(&answer)
+    }
+}
+
+fn report<const N: usize, const D: usize>(answer: &CycleOutput<'_, N, D>) -> CycleReport {
+    let outcome = &answer.outcome;
+    CycleReport {
+        fault: outcome.fault,
+        iterations: outcome.iterations,
+        expired_at: outcome.expired_at,
+        limited: outcome.movement.limited,
+        wrong_rate: outcome.wrong_rate,
+        singular: outcome.singular,
+        wrench: outcome.wrench.map_or([0.0; TASK_AXES], |wrench| wire::padded(wrench.as_slice())),
+    }
+}
+
+impl<const N: usize, const D: usize, S: QpSolver + Send + 'static> Cycle for ArmCycle<N, D, S> {
+    fn answer(
+        &mut self,
+        state: &StateSample,
+        now: Instant,
+        expired: &mut dyn FnMut() -> bool,
+        command: &mut CommandSample,
+    ) -> CycleReport {
+        command.state_sequence = state.sequence;
+        command.state_stamp_ns = state.stamp_ns;
+        self.step(Event::Sample(&wire::sample(state)), now, expired, command)
+    }
+
+    fn silence(&mut self, now: Instant, command: &mut CommandSample) -> CycleReport {
+        self.step(Event::Silence, now, &mut || false, command)
+    }
+
+    fn end(&mut self, ending: Ending) {
+        self.controller.end(ending);
+    }
+
+    fn enable(&mut self) -> Result<bool, EnableRefused> {
+        self.controller.enable()
+    }
+
+    fn reset(&mut self, force: bool) -> Result<(), ResetRefused> {
+        self.controller.reset(force)
+    }
+
+    fn mode(&self) -> Mode {
+        self.controller.mode()
+    }
+
+    fn is_enabled(&self) -> bool {
+        self.controller.is_enabled()
+    }
+
+    fn counters(&self) -> Counters {
+        self.controller.counters()
+    }
+
+    fn belief(&self) -> Snapshot {
+        self.controller.belief()
+    }
+
+    fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    fn take_over(&mut self, old: &dyn Cycle) -> bool {
+        let Some(old) = old.as_any().downcast_ref::<Self>() else { return false };
+        // Without `..`: a new field has to say here what becomes of it.
+        let Self { controller, command_delay: _, settings: _ } = old;
+        self.controller.take_over(controller);
+        true
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+}

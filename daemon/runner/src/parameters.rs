@@ -1,0 +1,197 @@
+//! From the configuration to the core's parameters.
+
+use admittance_core::belief::{ContactPoint, ContactSign, Thresholds};
+use admittance_core::intake::{Conditioning, GivenIn, GivenSign, Timing};
+use admittance_core::mpc::Weights;
+use admittance_core::mpc::{Discretization, ForcePoints, InputSelection, LowerBound, Options, growing_steps};
+use admittance_core::output::{Law, MAX_STEPS};
+use admittance_core::quantities::{Span, is_linear};
+use admittance_core::robot::{Interval, MotionLimits, Pose, rotation_from_rpy};
+use admittance_core::supervisor::{Guards, OnContactLost, OnInfeasible, Policy};
+use admittance_core::surface::Surface;
+use admittance_core::{Parameters, Stopping};
+use nalgebra::{SVector, Vector3};
+
+use crate::config::{
+    Config, ContactPointName, ContactSignName, DiscretizationName, ForcePointsName, GivenInName, GivenSignName,
+    InputsName, LawName, LowerBoundName, OnContactLostName, OnInfeasibleName, WeightSpace, WrenchSection,
+};
+
+/// Span of a horizon that is not given, in time constants of the slowest joint.
+const HORIZON_LAGS: f64 = 3.0;
+/// Largest KKT residual of a usable solution, as a multiple of mpc.solver_tolerance.
+const RESIDUAL_FACTOR: f64 = 1e3;
+
+/// The parameters for N joints and D axes; `None` if the configuration is for another arm.
+///
+/// The configuration has passed its checks: lengths and ranges are as declared.
+pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Parameters<N, D>> {
+    let chain = config.robot.chain::<N>()?;
+    let vector = |values: &[f64]| (values.len() == D).then(|| SVector::<f64, D>::from_column_slice(values));
+    let joints = |values: &[f64]| (values.len() == N).then(|| SVector::<f64, N>::from_column_slice(values));
+    let (contact, mpc, limits) = (&config.contact, &config.mpc, &config.limits);
+
+    let mut steps = [0.0; MAX_STEPS];
+    let horizon = match &mpc.step_lengths_s {
+        Some(lengths) => {
+            steps.iter_mut().zip(lengths).for_each(|(step, length)| *step = *length);
+            lengths.len()
+        }
+        None => match mpc.horizon {
+            Some(horizon) => {
+                steps = [config.control.sampling_time_s; MAX_STEPS];
+                horizon as usize
+            }
+            None => {
+                let slowest = config.robot.velocity_time_constant_s.iter().copied().fold(0.0, f64::max);
+                let horizon;
+                (steps, horizon) = growing_steps(config.control.sampling_time_s, HORIZON_LAGS * slowest);
+                horizon
+            }
+        },
+    };
+    let wrench = vector(&mpc.wrench_weight)?;
+    let weights = match mpc.weights {
+        WeightSpace::Joint => {
+            Weights::Joint { position: joints(&mpc.position_weight)?, velocity: joints(&mpc.velocity_weight)?, wrench }
+        }
+        WeightSpace::Task => {
+            Weights::Task { position: vector(&mpc.position_weight)?, velocity: vector(&mpc.velocity_weight)?, wrench }
+        }
+    };
+    let law = match (config.control.law, &config.damping) {
+        (LawName::Mpc, _) => Law::Mpc,
+        (LawName::Damping, damping) => Law::Damping { damping: vector(&damping.as_ref()?.damping_n_s_m)? },
+    };
+    let environment = &config.environment;
+    let force_limit = vector(&contact.force_limit)?;
+    let linear = (0..D).filter(|axis| is_linear(*axis));
+    let smallest = linear.map(|axis| force_limit[axis]).fold(f64::INFINITY, f64::min);
+    Some(Parameters {
+        chain,
+        minimum_reciprocal_condition: config.control.minimum_reciprocal_condition,
+        velocity_time_constant: joints(&config.robot.velocity_time_constant_s)?,
+        wrench_time_constant: vector(&contact.wrench_time_constant_s)?,
+        conditioning: conditioning(&config.wrench)?,
+        surface: Surface::plane(
+            environment.normal_stiffness_n_m,
+            &Vector3::from(environment.surface_normal),
+            Pose {
+                position: environment.contact_point_m.unwrap_or_default().into(),
+                rotation: rotation_from_rpy(environment.contact_rpy_rad),
+            },
+        ),
+        thresholds: Thresholds {
+            admittance: contact.admittance_axes.as_slice().try_into().ok()?,
+            activation: vector(&contact.activation_threshold)?,
+            release: vector(&contact.release_threshold)?,
+        },
+        sign: match contact.sign {
+            ContactSignName::Wrench => ContactSign::Wrench,
+            ContactSignName::Normal => ContactSign::Normal,
+        },
+        law,
+        mpc: Options {
+            discretization: match mpc.discretization {
+                DiscretizationName::Euler => Discretization::Euler,
+                DiscretizationName::Zoh => Discretization::Zoh,
+            },
+            steps,
+            horizon,
+            inputs: match mpc.inputs {
+                InputsName::Active => InputSelection::Active,
+                InputsName::All => InputSelection::All,
+            },
+            weights,
+            input_weight: vector(&mpc.input_weight)?,
+            force_limit,
+            minimum_force: vector(&contact.minimum_force)?,
+            limit_tolerance: contact.limit_tolerance,
+            lower_bound: match contact.lower_bound {
+                LowerBoundName::Always => LowerBound::Always,
+                LowerBoundName::OnceReached => LowerBound::OnceReached,
+            },
+            force_points: match mpc.force_points {
+                ForcePointsName::StepEnds => ForcePoints::StepEnds,
+                ForcePointsName::Dense => ForcePoints::Dense,
+            },
+            models_delay: mpc.model_delay,
+            normal_force_reference: contact.normal_force_reference_n,
+            solution_tolerance: mpc.solver_tolerance * RESIDUAL_FACTOR,
+        },
+        limits: MotionLimits {
+            offset: vector(&limits.velocity_offset)?,
+            release_rate: limits.release_rate_m_s2,
+            inward_rate: optional(&limits.inward_rate_m_s2, vector)?,
+            outward_rate: optional(&limits.outward_rate_m_s2, vector)?,
+            joint_speed: optional(&limits.joint_speed_rad_s, joints)?,
+            joint_position: match (&limits.joint_position_min_rad, &limits.joint_position_max_rad) {
+                (Some(min), Some(max)) => Some(Interval { lower: joints(min)?, upper: joints(max)? }),
+                _ => None,
+            },
+        },
+        contact_point: match environment.contact {
+            ContactPointName::Configured => ContactPoint::Configured,
+            ContactPointName::Detected => ContactPoint::Detected { wrench_noise: environment.wrench_noise_n },
+        },
+        policy: Policy {
+            on_infeasible: match mpc.on_infeasible {
+                OnInfeasibleName::Halt => OnInfeasible::Halt,
+                OnInfeasibleName::MinimumForce => OnInfeasible::MinimumForceStop,
+            },
+            on_contact_lost: match contact.on_contact_lost {
+                OnContactLostName::Continue => OnContactLost::Continue,
+                OnContactLostName::Stop => OnContactLost::Stop,
+            },
+        },
+        guards: Guards {
+            force: config.stopping.force_guard_n,
+            mismatch: config.stopping.mismatch_n,
+            mismatch_cycles: config.stopping.mismatch_cycles,
+        },
+        timing: Timing {
+            sampling_time: Span::from_seconds(config.control.sampling_time_s),
+            command_delay: Span::from_seconds(config.control.command_delay_s),
+            max_sample_age: Span::from_seconds(config.control.max_sample_age_s),
+            max_consecutive_fallbacks: config.control.max_consecutive_fallbacks,
+        },
+        stopping: Stopping {
+            retreat_speed: config.stopping.retreat_speed_m_s,
+            retreat_time: Span::from_seconds(config.stopping.retreat_time_s),
+            stop_force: config.stopping.stop_force_n.unwrap_or(smallest / 2.0),
+            stop_timeout: Span::from_seconds(config.stopping.stop_timeout_s),
+        },
+        start_enabled: config.control.start_enabled,
+    })
+}
+
+/// How f̂ follows from the state sample; `None` if the deadband has another number of axes than D.
+pub fn conditioning<const D: usize>(wrench: &WrenchSection) -> Option<Conditioning<D>> {
+    let deadband = |values: &[f64]| (values.len() == D).then(|| SVector::<f64, D>::from_column_slice(values));
+    Some(Conditioning {
+        given_in: match wrench.given_in {
+            GivenInName::Base => GivenIn::Base,
+            GivenInName::Sensor => GivenIn::Sensor(Pose {
+                position: wrench.sensor_origin_m.into(),
+                rotation: rotation_from_rpy(wrench.sensor_rpy_rad),
+            }),
+        },
+        sign: match wrench.sign {
+            GivenSignName::OnEnvironment => GivenSign::OnEnvironment,
+            GivenSignName::Reaction => GivenSign::Reaction,
+        },
+        bias: wrench.bias.into(),
+        saturation: wrench.saturation.map(Into::into),
+        deadband: optional(&wrench.deadband, deadband)?.unwrap_or_else(SVector::zeros),
+        tool_weight: Vector3::from(wrench.gravity_m_s2) * wrench.tool_mass_kg,
+        tool_center_of_gravity: wrench.tool_center_of_gravity_m.into(),
+    })
+}
+
+/// An optional list as a vector; `None` if its length differs.
+fn optional<const K: usize>(
+    values: &Option<Vec<f64>>,
+    vector: impl Fn(&[f64]) -> Option<SVector<f64, K>>,
+) -> Option<Option<SVector<f64, K>>> {
+    values.as_ref().map_or(Some(None), |values| vector(values).map(Some))
+}

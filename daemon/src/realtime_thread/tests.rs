@@ -1,0 +1,119 @@
+use std::any::Any;
+use std::path::PathBuf;
+
+use admittance_core::Counters;
+use admittance_core::belief::Snapshot;
+use admittance_core::supervisor::{EnableRefused, ResetRefused};
+use ipc_types::Instance;
+
+use super::*;
+use crate::channel::channel;
+use crate::probe::Unobserved;
+use admittance_runner::cycle::recorded_belief;
+use admittance_runner::settings::Settings;
+
+/// A controller with a bug.
+struct Panics;
+
+impl Cycle for Panics {
+    fn answer(
+        &mut self,
+        state: &StateSample,
+        _: Instant,
+        _: &mut dyn FnMut() -> bool,
+        _: &mut CommandSample,
+    ) -> CycleReport {
+        panic!("a bug, met at sample {}", state.sequence)
+    }
+
+    fn silence(&mut self, _: Instant, _: &mut CommandSample) -> CycleReport {
+        CycleReport::default()
+    }
+
+    fn end(&mut self, _: Ending) {}
+
+    fn reset(&mut self, _: bool) -> Result<(), ResetRefused> {
+        Err(ResetRefused::NoSample)
+    }
+
+    fn enable(&mut self) -> Result<bool, EnableRefused> {
+        Err(EnableRefused::Ending)
+    }
+
+    fn is_enabled(&self) -> bool {
+        true
+    }
+
+    fn settings(&self) -> &Settings {
+        unreachable!("only records ask for it")
+    }
+
+    fn mode(&self) -> Mode {
+        Mode::Contact
+    }
+
+    fn belief(&self) -> Snapshot {
+        recorded_belief(&RecordSample::zeroed())
+    }
+
+    fn counters(&self) -> Counters {
+        Counters::default()
+    }
+
+    fn take_over(&mut self, _: &dyn Cycle) -> bool {
+        false
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+}
+
+#[test]
+fn a_panic_is_a_hold_and_an_internal_error() {
+    let name = format!("pan{:x}_", std::process::id());
+    let settings = IpcSettings {
+        root_path: PathBuf::from(format!("/tmp/{name}")),
+        prefix: name,
+        instance: Instance::new("panics").expect("a name"),
+    };
+    let realtime = RealtimeSection {
+        lock_memory: false,
+        priority: 0,
+        cpu: None,
+        cpu_dma_latency_us: None,
+        require_realtime: false,
+    };
+    let timing = LoopTiming {
+        answer_budget: 1_000_000,
+        max_sample_age: 5_000_000,
+        sampling_time: 4_000_000,
+        wait: Wait::Event,
+        spin: 0,
+    };
+    let (realtime_end, _service_end) = channel();
+    let thread = RealtimeThread {
+        settings: settings.clone(),
+        realtime,
+        timing,
+        cycle: Box::new(Panics),
+        channel: realtime_end,
+        boot_id: 7,
+    };
+    let (started, start) = std::sync::mpsc::channel();
+    let handle = std::thread::spawn(move || thread.run(&started, Unobserved));
+    start.recv().expect("the thread tells").expect("its ports open");
+
+    let node = settings.node("test").expect("a node");
+    let state = services::state(&node, &settings.instance, Access::Open).expect("the daemon made it");
+    let states = state.publisher().expect("no other publisher");
+    let command = services::command(&node, &settings.instance, Access::Open).expect("the daemon made it");
+    let commands = command.subscriber().expect("a subscriber");
+    states.send_copy(StateSample { sequence: 1, stamp_ns: monotonic_ns(), ..StateSample::zeroed() }).expect("sent");
+    assert_eq!(handle.join().expect("the panic does not leave the thread"), ExitCode::Internal);
+    let last = commands.receive().expect("received").expect("a last command");
+    assert_eq!((last.motion, last.stop_reason), (Motion::Hold.code(), StopReason::InternalError.code()));
+    assert_eq!(last.boot_id, 7);
+    drop((last, commands, command, states, state, node));
+    ipc_types::remove_all(&settings).expect("removed");
+}

@@ -1,0 +1,84 @@
+//! From the daemon: how it is doing.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::{QUANTILES, TASK_AXES};
+
+wire_sample! {
+    /// How the daemon is doing: a few times a second.
+    struct DiagnosticsSample: "admittanced.DiagnosticsSample.v1", size 544, writer "admittanced (service thread)" {
+        0 sequence: u64 ["1", ">= 1, one more with every sample"]
+            "Number of this sample; restarts at 1 with a new boot_id.";
+        8 stamp_ns: u64 ["ns", "CLOCK_MONOTONIC, increasing"]
+            "When it was published.";
+        16 boot_id: u64 ["1", "any"]
+            "boot_id of admittanced; 0 before its first record.";
+        24 uptime_ns: u64 ["ns", ">= 0"]
+            "Time since the start of admittanced.";
+        32 cycles: u64 ["1", ">= 0"]
+            "State samples answered since the start of admittanced.";
+        40 cycles_last_second: u64 ["1", ">= 0"]
+            "The same within the last complete second.";
+        48 fallback_count: u64 ["1", ">= 0"]
+            "As in the command sample.";
+        56 late_count: u64 ["1", ">= 0"]
+            "As in the command sample.";
+        64 missed_count: u64 ["1", ">= 0"]
+            "As in the command sample.";
+        72 rejected_count: u64 ["1", ">= 0"]
+            "As in the command sample.";
+        80 limited_count: u64 ["1", ">= 0"]
+            "As in the record.";
+        88 dropped_count: u64 ["1", ">= 0"]
+            "Records that were dropped, as in the record.";
+        96 contact_losses: u64 ["1", ">= 0"]
+            "As in the record.";
+        104 solver_failures: u64 ["1", ">= 0"]
+            "Cycles since the start of admittanced in which the solver gave no usable answer although it had \
+             time.";
+        112 mode: u32 as Mode ["1", "a code of Mode"]
+            "Mode of the daemon.";
+        116 motion: u32 as Motion ["1", "a code of Motion"]
+            "Motion of the last command.";
+        120 stop_reason: u32 as StopReason ["1", "a code of StopReason"]
+            "Why the daemon is stopping or stopped.";
+        124 active_axes: u32 ["1", "0 to 63"]
+            "Active axes of the last command, as in the command sample.";
+        128 verdict: u32 as Verdict ["1", "a code of Verdict"]
+            "Verdict of the last command.";
+        132 verdict_axis: u32 ["1", "0 to 5"]
+            "Task axis that the verdict speaks of.";
+        136 verdict_side: u32 as Side ["1", "a code of Side"]
+            "Force limit that the verdict speaks of.";
+        140 task_axes: u32 ["1", "1 to 6"]
+            "Task axes of the configured robot: the first ones of the Cartesian arrays.";
+        144 verdict_margin: f64 ["N (N m on rx ry rz)", "finite"]
+            "Verdict margin of the last command, as in the command sample.";
+        152 verdict_time_s: f64 ["s", ">= 0, finite"]
+            "Verdict time of the last command, as in the command sample.";
+        160 wrench: [f64; TASK_AXES] ["N, N m", "finite"]
+            "Wrench of the last accepted state sample as the law sees it: bias and tool removed, ROBOT on ENVIRONMENT, \
+             at the TCP, base frame.";
+        208 force_limit: [f64; TASK_AXES] ["N, N m", ">= 0"]
+            "Limit in force of the wrench on each axis; 0 on axes that are not controlled.";
+        256 minimum_force: [f64; TASK_AXES] ["N, N m", ">= 0"]
+            "Configured minimum of the wrench on each axis in contact; 0 on axes that are not controlled.";
+        304 velocity_offset: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
+            "Velocity offset of the last command, base frame.";
+        352 wake_up_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "p50, p99, p99.9 and maximum of the time from a state sample stamped to received, since the start of \
+             admittanced; 0 before the first.";
+        384 wake_up_last_second_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "The same within the last complete second.";
+        416 compute_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "p50, p99, p99.9 and maximum of the time from a state sample received to its command published, since \
+             the start of admittanced; 0 before the first.";
+        448 compute_last_second_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "The same within the last complete second.";
+        480 answer_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "p50, p99, p99.9 and maximum of the time from a state sample stamped to its command published, since \
+             the start of admittanced; 0 before the first.";
+        512 answer_last_second_ns: [u64; QUANTILES] ["ns", ">= 0"]
+            "The same within the last complete second.";
+    }
+}

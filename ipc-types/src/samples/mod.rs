@@ -1,0 +1,35 @@
+//! The samples that travel through shared memory.
+//!
+//! All stamps are nanoseconds of `CLOCK_MONOTONIC` of this host, taken by the writer. Joint arrays
+//! hold `joint_count` values, base to tip, and zeros after them. Cartesian arrays hold x, y, z, rx,
+//! ry, rz in the robot's base frame, at the TCP; an axis that the arm does not control is zero. A
+//! wrench is the one that the ROBOT exerts on the ENVIRONMENT: pushing along +x gives a positive x
+//! force. The state sample's alone may be a sensor's as it is: the daemon's `[wrench]` section says
+//! how it is given.
+
+mod command;
+mod diagnostics;
+mod record;
+mod request;
+mod state;
+mod truth;
+
+pub use command::CommandSample;
+pub use diagnostics::DiagnosticsSample;
+pub use record::RecordSample;
+pub use request::{RequestSample, ResponseSample};
+pub use state::StateSample;
+pub use truth::TruthSample;
+
+use crate::layout::{SampleInfo, WireSample};
+
+/// Every sample type of the contract.
+pub const SAMPLES: &[SampleInfo] = &[
+    StateSample::INFO,
+    CommandSample::INFO,
+    TruthSample::INFO,
+    RequestSample::INFO,
+    ResponseSample::INFO,
+    RecordSample::INFO,
+    DiagnosticsSample::INFO,
+];
