@@ -2,26 +2,34 @@
 //! that is kept to the nanosecond. (iceoryx2's own `timed_wait` takes eight, four of them between
 //! waking up and looking, and rounds to the timer tick.)
 
-use std::cell::Cell;
-
 use admittance_host::clock::{monotonic_ns, sleep_until_ns};
+use iceoryx2::port::listener::ListenerWaitError;
 use iceoryx2::prelude::FileDescriptorBased;
 use ipc_types::Listener;
 
-/// The listener, and whether it has notifications to take.
+/// The listener of the motion controller's notifications.
 pub(crate) struct Notifications {
     listener: Listener,
-    is_pending: Cell<bool>,
 }
 
 impl Notifications {
     pub(crate) fn new(listener: Listener) -> Self {
-        Self { listener, is_pending: Cell::new(false) }
+        Self { listener }
     }
 
-    /// Blocks until there is a notification, for `timeout` ns at most. It may be that of a sample
-    /// that was taken already.
-    pub(crate) fn block(&self, timeout: u64) {
+    /// Blocks until there is a notification, for `timeout` ns at most. Returns whether to look for a
+    /// sample: there was a notification, perhaps that of a sample that was taken already.
+    pub(crate) fn block(&self, timeout: u64) -> bool {
+        let begun = monotonic_ns();
+        // A listener that has been notified and has not taken that yet is not sent anything more.
+        // One that comes while iceoryx2 takes another leaves exactly that, with an empty socket: to
+        // wait on it then would be to miss all that follow. So it is waited for only after a look
+        // that found nothing.
+        match self.listener.try_wait(|_| {}) {
+            Ok(0) => {}
+            Ok(_) | Err(ListenerWaitError::InterruptSignal) => return true,
+            Err(_) => return give_up(begun, timeout),
+        }
         // SAFETY: the descriptor is neither closed nor changed here, and the listener that owns it
         // outlives the call.
         let descriptor = unsafe { self.listener.file_descriptor().native_handle() };
@@ -30,25 +38,64 @@ impl Notifications {
             tv_sec: (timeout / 1_000_000_000) as libc::time_t,
             tv_nsec: (timeout % 1_000_000_000) as libc::c_long,
         };
-        let begun = monotonic_ns();
         // SAFETY: one descriptor and a time limit, valid for the call; the signal mask stays as it
         // is.
         let found = unsafe { libc::ppoll(&raw mut descriptor, 1, &raw const limit, std::ptr::null()) };
-        self.is_pending.set(found > 0);
         if found < 0 && std::io::Error::last_os_error().kind() != std::io::ErrorKind::Interrupted {
-            // A failing wait must end as a silence, not as a thread that loops at real-time
-            // priority.
-            sleep_until_ns(begun.saturating_add(timeout));
+            return give_up(begun, timeout);
         }
+        found > 0
     }
+}
 
-    /// Takes the notifications that ended the last [`Self::block`]. Returns true if there were any:
-    /// a sample may have come since the last look, and it will not be notified again.
-    pub(crate) fn take(&self) -> bool {
-        let was_pending = self.is_pending.replace(false);
-        if was_pending {
-            let _ = self.listener.try_wait(|_| {});
-        }
-        was_pending
+/// A failing wait must end as a silence, not as a thread that loops at real-time priority.
+fn give_up(begun: u64, timeout: u64) -> bool {
+    sleep_until_ns(begun.saturating_add(timeout));
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use ipc_types::services::{self, Access};
+    use ipc_types::{Instance, IpcSettings};
+
+    use super::*;
+
+    const LONG: u64 = 20_000_000_000;
+
+    #[test]
+    fn what_is_notified_while_another_is_taken_is_not_missed() {
+        let name = format!("not{:x}_", std::process::id());
+        let settings = IpcSettings {
+            root_path: PathBuf::from(format!("/tmp/{name}")),
+            prefix: name,
+            instance: Instance::new("notified").expect("a name"),
+        };
+        let node = settings.node("test").expect("a node");
+        let service = services::state_arrival(&node, &settings.instance, Access::OpenOrCreate).expect("a service");
+        let notifications = Notifications::new(service.listener().expect("a listener"));
+        let notifier = service.notifier().expect("a notifier");
+        assert!(!notifications.block(1_000_000), "nothing yet");
+        notifier.notify().expect("notified");
+        assert!(notifications.block(LONG), "notified");
+        assert!(!notifications.block(1_000_000), "and taken");
+
+        // The datagram is gone and the state stays, as when it comes in the middle of a take.
+        notifier.notify().expect("notified");
+        // SAFETY: as in `block`.
+        let socket = unsafe { notifications.listener.file_descriptor().native_handle() };
+        let mut byte = [0_u8; 8];
+        // SAFETY: the buffer is valid for writing its length.
+        let read = unsafe { libc::recv(socket, byte.as_mut_ptr().cast(), byte.len(), libc::MSG_DONTWAIT) };
+        assert_eq!(read, 1, "one notification, one datagram");
+        notifier.notify().expect("notified");
+        assert!(notifications.block(LONG), "notified");
+        notifier.notify().expect("notified");
+        assert!(notifications.block(LONG), "and every one after it");
+
+        drop((notifications, notifier, service, node));
+        ipc_types::remove_all(&settings).expect("removed");
     }
 }

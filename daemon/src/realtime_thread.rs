@@ -192,9 +192,6 @@ impl<P: Probe> Loop<'_, P> {
                 self.arrival.see(state.boot_id, state.sequence, state.stamp_ns, received);
                 report
             } else {
-                if self.ports.arrivals.take() {
-                    continue;
-                }
                 if received.saturating_sub(last_event) < self.timing.max_sample_age {
                     self.wait(received, last_event);
                     continue;
@@ -217,9 +214,6 @@ impl<P: Probe> Loop<'_, P> {
                 record.compute_time_ns = self.command.compute_time_ns;
             }
             self.channel.record(record, report, &self.command, &*self.cycle);
-            if self.command.state_sequence > 0 {
-                self.ports.arrivals.take();
-            }
         }
     }
 
@@ -245,7 +239,8 @@ impl<P: Probe> Loop<'_, P> {
                 }
             }
         }
-        self.ports.arrivals.block(self.timing.max_sample_age.saturating_sub(now - last_event));
+        // Notified or not: the next turn looks for a sample, and at the clock.
+        let _ = self.ports.arrivals.block(self.timing.max_sample_age.saturating_sub(now - last_event));
     }
 
     fn publish(&mut self, slot: Option<Slot<CommandSample>>, received: u64, asked: u64) {
