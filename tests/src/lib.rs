@@ -9,6 +9,7 @@ mod binaries;
 mod child;
 pub mod closed_loop;
 pub mod fault_matrix;
+mod machine;
 mod needs;
 mod private_ipc;
 pub mod session;
@@ -17,6 +18,7 @@ mod terminal;
 
 pub use binaries::{Binaries, binaries};
 pub use child::{Child, PATIENCE, wait_until};
+pub use machine::undisturbed;
 pub use needs::{ICEORYX2_PYTHON_VERSION, MCAP_PYTHON_VERSION, Need, needs, python};
 pub use private_ipc::PrivateIpc;
 pub use systemd::Systemd;

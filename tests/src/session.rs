@@ -27,9 +27,6 @@ pub const PATIENT: [(&str, &str); 3] = [
     ("control.max_consecutive_fallbacks", "20"),
 ];
 
-/// Runs that a busy machine may spoil before a test gives up on it.
-pub const TRIES: u32 = 5;
-
 /// A TOML text with keys changed or added, each given as "section.key" and a TOML value.
 ///
 /// # Panics

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use admittance_host::clock::monotonic_ns;
 use admittance_host::realtime::{RealtimeSection, StepOutcome, apply_to_thread};
 use end_to_end::closed_loop::MPC_DEFAULT;
-use end_to_end::session::{PAPER_SCENARIO, PATIENT, TRIES, drive_plant, start_daemon, with_keys, write};
-use end_to_end::{Child, Need, PATIENCE, PrivateIpc, needs};
+use end_to_end::session::{PAPER_SCENARIO, PATIENT, drive_plant, start_daemon, with_keys, write};
+use end_to_end::{Child, Need, PATIENCE, PrivateIpc, needs, undisturbed};
 use ipc_types::services::{self, Access};
 use ipc_types::{CommandSample, Mode, Motion, Source, StopReason, TruthSample};
 
@@ -74,24 +74,15 @@ fn run(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mut Child
     Run { truths, commands, log: daemon.stderr() }
 }
 
-/// The first run that a busy machine did not spoil, by `is_sound`; `None` if it spoiled all.
-fn sound_run(mut run: impl FnMut() -> Run, is_sound: impl Fn(&Run) -> bool) -> Option<Run> {
-    let found = (0..TRIES).map(|_| run()).find(is_sound);
-    if found.is_none() {
-        println!("SKIPPED: machine too busy: {TRIES} runs were spoilt");
-    }
-    found
-}
-
-/// What a busy machine may do to a run before the test does anything.
-fn was_quiet_until(run: &Run, time_s: f64) -> bool {
+/// Fails when a busy machine did something to a run before the test did.
+fn assert_quiet_until(run: &Run, time_s: f64) {
     let before = run.at(time_s);
-    before.stop_reason == StopReason::NONE && before.fallback_count == 0
+    assert_eq!((before.stop_reason, before.fallback_count), (StopReason::NONE, 0), "{}", run.log);
 }
 
-/// Whether the daemon had stopped nothing when the motion ended.
-fn went_on(run: &Run) -> bool {
-    run.last().stop_reason == StopReason::NONE
+/// Fails when the daemon had stopped the arm when the motion ended.
+fn assert_went_on(run: &Run) {
+    assert_eq!(run.last().stop_reason, StopReason::NONE, "{}", run.log);
 }
 
 /// Does something once, at this time of the scenario.
@@ -112,87 +103,89 @@ fn stop_for(child: &mut Child, duration: Duration) {
 
 #[test]
 fn a_controller_that_is_stopped_in_the_air_is_taken_up_again() {
-    let one = || {
+    undisturbed(|| {
         let mut now = once(0.3);
-        run(&config(&PATIENT), &scenario(&[]), |_, plant, truth| {
+        let run = run(&config(&PATIENT), &scenario(&[]), |_, plant, truth| {
             if now(truth) {
                 stop_for(plant, Duration::from_millis(400));
             }
-        })
-    };
-    let is_sound = |run: &Run| was_quiet_until(run, 0.29) && went_on(run);
-    let Some(run) = sound_run(one, is_sound) else { return };
-    let messages = ["INFO Free", "Idle", "INFO Free", "INFO Contact"];
-    let mut rest = run.log.as_str();
-    for message in messages {
-        let found =
-            rest.find(message).unwrap_or_else(|| panic!("{message} is missing in order {messages:?}:\n{}", run.log));
-        rest = &rest[found + message.len()..];
-    }
-    let last = run.last();
-    assert!(last.rejected_count > 0, "a silence, and the samples that had become stale by its end");
-    assert_eq!((last.mode, last.motion), (Mode::Contact.code(), Motion::Offset.code()));
+        });
+        assert_quiet_until(&run, 0.29);
+        assert_went_on(&run);
+        let messages = ["INFO Free", "Idle", "INFO Free", "INFO Contact"];
+        let mut rest = run.log.as_str();
+        for message in messages {
+            let found = rest
+                .find(message)
+                .unwrap_or_else(|| panic!("{message} is missing in order {messages:?}:\n{}", run.log));
+            rest = &rest[found + message.len()..];
+        }
+        let last = run.last();
+        assert!(last.rejected_count > 0, "a silence, and the samples that had become stale by its end");
+        assert_eq!((last.mode, last.motion), (Mode::Contact.code(), Motion::Offset.code()));
+    });
 }
 
 #[test]
 fn a_controller_that_is_stopped_in_contact_is_a_latched_stop() {
-    let one = || {
+    undisturbed(|| {
         let mut now = once(1.4);
         // As shipped: what counts as stale is part of this test.
-        run(&config(&[]), &scenario(&[]), |_, plant, truth| {
+        let run = run(&config(&[]), &scenario(&[]), |_, plant, truth| {
             if now(truth) {
                 stop_for(plant, Duration::from_millis(400));
             }
-        })
-    };
-    let Some(run) = sound_run(one, |run| was_quiet_until(run, 1.39)) else { return };
-    assert!(run.log.contains("Stopped: SampleStale"), "{}", run.log);
-    let last = run.last();
-    assert_eq!((last.mode, last.motion), (Mode::Stopped.code(), Motion::Hold.code()), "{}", run.log);
-    assert!(last.rejected_count > 0 && last.fallback_count > 0, "counted, and visible in the command");
-    assert_eq!(run.truths.last().expect("a run").motion, Motion::Hold.code());
+        });
+        assert_quiet_until(&run, 1.39);
+        assert!(run.log.contains("Stopped: SampleStale"), "{}", run.log);
+        let last = run.last();
+        assert_eq!((last.mode, last.motion), (Mode::Stopped.code(), Motion::Hold.code()), "{}", run.log);
+        assert!(last.rejected_count > 0 && last.fallback_count > 0, "counted, and visible in the command");
+        assert_eq!(run.truths.last().expect("a run").motion, Motion::Hold.code());
+    });
 }
 
 #[test]
 fn a_daemon_that_is_stopped_goes_on_where_the_arm_is() {
-    // Commands are valid for 84 ms here: the plan bridges the first time, and the plant holds the
-    // arm the second.
-    for (stopped, holds) in [(40, false), (400, true)] {
-        let one = || {
+    undisturbed(|| {
+        // Commands are valid for 84 ms here: the plan bridges the first time, and the plant holds the
+        // arm the second.
+        for (stopped, holds) in [(40, false), (400, true)] {
             let mut now = once(1.4);
-            run(&config(&PATIENT), &scenario(&[]), |daemon, _, truth| {
+            let run = run(&config(&PATIENT), &scenario(&[]), |daemon, _, truth| {
                 if now(truth) {
                     stop_for(daemon, Duration::from_millis(stopped));
                 }
-            })
-        };
-        let is_sound = |run: &Run| was_quiet_until(run, 1.39) && went_on(run);
-        let Some(run) = sound_run(one, is_sound) else { return };
-        let (before, last) = (run.at(1.39), run.last());
-        let held = run.truths.iter().filter(|truth| truth.scenario_time_s > 0.0 && truth.motion == Motion::Hold.code());
-        println!("{stopped} ms: {} samples missed, held in {} cycles", last.missed_count, held.clone().count());
-        assert!(last.missed_count > before.missed_count, "samples that the daemon never saw are counted");
-        assert!(run.truths.last().expect("a run").missed_commands > 0, "and so are commands, by the plant");
-        assert_eq!(held.count() > 0, holds, "{stopped} ms");
-        assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{}", run.log);
-    }
+            });
+            assert_quiet_until(&run, 1.39);
+            assert_went_on(&run);
+            let (before, last) = (run.at(1.39), run.last());
+            let held =
+                run.truths.iter().filter(|truth| truth.scenario_time_s > 0.0 && truth.motion == Motion::Hold.code());
+            println!("{stopped} ms: {} samples missed, held in {} cycles", last.missed_count, held.clone().count());
+            assert!(last.missed_count > before.missed_count, "samples that the daemon never saw are counted");
+            assert!(run.truths.last().expect("a run").missed_commands > 0, "and so are commands, by the plant");
+            assert_eq!(held.count() > 0, holds, "{stopped} ms");
+            assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{}", run.log);
+        }
+    });
 }
 
 #[test]
 fn a_hog_at_the_same_priority_is_borne_and_counted() {
-    if !needs(Need::Root) {
-        return;
-    }
-    let section = RealtimeSection {
-        lock_memory: false,
-        priority: 85,
-        cpu: Some(1),
-        cpu_dma_latency_us: None,
-        require_realtime: true,
-    };
-    let one = || {
+    undisturbed(|| {
+        if !needs(Need::Root) {
+            return;
+        }
+        let section = RealtimeSection {
+            lock_memory: false,
+            priority: 85,
+            cpu: Some(1),
+            cpu_dma_latency_us: None,
+            require_realtime: true,
+        };
         let mut now = once(1.4);
-        run(&config(&PATIENT), &scenario(&[]), |_, _, truth| {
+        let run = run(&config(&PATIENT), &scenario(&[]), |_, _, truth| {
             if now(truth) {
                 let section = section.clone();
                 let hog = std::thread::spawn(move || {
@@ -212,53 +205,57 @@ fn a_hog_at_the_same_priority_is_borne_and_counted() {
                 });
                 hog.join().expect("the hog has its priority");
             }
-        })
-    };
-    let is_sound = |run: &Run| was_quiet_until(run, 1.39) && went_on(run);
-    let Some(run) = sound_run(one, is_sound) else { return };
-    let (before, last) = (run.at(1.39), run.last());
-    println!(
-        "under the hog: {} late, {} missed, {} fallbacks",
-        last.late_count - before.late_count,
-        last.missed_count - before.missed_count,
-        last.fallback_count - before.fallback_count
-    );
-    assert!(last.missed_count + last.late_count > before.missed_count + before.late_count, "it is counted");
-    assert_eq!(
-        (last.mode, last.source),
-        (Mode::Contact.code(), Source::Mpc.code()),
-        "and over with its cause: {}",
-        run.log
-    );
+        });
+        assert_quiet_until(&run, 1.39);
+        assert_went_on(&run);
+        let (before, last) = (run.at(1.39), run.last());
+        println!(
+            "under the hog: {} late, {} missed, {} fallbacks",
+            last.late_count - before.late_count,
+            last.missed_count - before.missed_count,
+            last.fallback_count - before.fallback_count
+        );
+        assert!(last.missed_count + last.late_count > before.missed_count + before.late_count, "it is counted");
+        assert_eq!(
+            (last.mode, last.source),
+            (Mode::Contact.code(), Source::Mpc.code()),
+            "and over with its cause: {}",
+            run.log
+        );
+    });
 }
 
 #[test]
 fn samples_late_by_one_to_five_periods_are_answered_by_the_plan() {
-    let late = |periods: u32| {
-        let (at_s, duration_s) = (1.2 + 0.2 * f64::from(periods - 1), 0.004 * f64::from(periods + 1));
-        format!("{{ at_s = {at_s}, duration_s = {duration_s}, kind = \"late\" }}")
-    };
-    let faults = format!("[{}]", (1..=5).map(late).collect::<Vec<_>>().join(", "));
-    let one = || run(&config(&PATIENT), &scenario(&[("fault", &faults)]), |_, _, _| {});
-    let is_sound = |run: &Run| was_quiet_until(run, 1.19) && went_on(run);
-    let Some(run) = sound_run(one, is_sound) else { return };
-    for periods in 1..=5_u32 {
-        let at_s = 1.2 + 0.2 * f64::from(periods - 1);
-        let (before, after) = (run.at(at_s - 0.01), run.at(at_s + 0.1));
-        assert!(after.missed_count >= before.missed_count + u64::from(periods), "{periods} late: those in between");
-        assert!(after.late_count > before.late_count, "{periods} late: after its deadline");
-        assert!(after.fallback_count > before.fallback_count, "{periods} late: there was no time to solve");
-        assert_eq!((after.mode, after.source), (Mode::Contact.code(), Source::Mpc.code()), "{periods} late: over");
-    }
+    undisturbed(|| {
+        let late = |periods: u32| {
+            let (at_s, duration_s) = (1.2 + 0.2 * f64::from(periods - 1), 0.004 * f64::from(periods + 1));
+            format!("{{ at_s = {at_s}, duration_s = {duration_s}, kind = \"late\" }}")
+        };
+        let faults = format!("[{}]", (1..=5).map(late).collect::<Vec<_>>().join(", "));
+        let run = run(&config(&PATIENT), &scenario(&[("fault", &faults)]), |_, _, _| {});
+        assert_quiet_until(&run, 1.19);
+        assert_went_on(&run);
+        for periods in 1..=5_u32 {
+            let at_s = 1.2 + 0.2 * f64::from(periods - 1);
+            let (before, after) = (run.at(at_s - 0.01), run.at(at_s + 0.1));
+            assert!(after.missed_count >= before.missed_count + u64::from(periods), "{periods} late: those in between");
+            assert!(after.late_count > before.late_count, "{periods} late: after its deadline");
+            assert!(after.fallback_count > before.fallback_count, "{periods} late: there was no time to solve");
+            assert_eq!((after.mode, after.source), (Mode::Contact.code(), Source::Mpc.code()), "{periods} late: over");
+        }
+    });
 }
 
 #[test]
 fn a_sample_later_than_allowed_stops_with_its_reason() {
-    let fault = "[{ at_s = 1.4, duration_s = 0.24, kind = \"late\" }]";
-    let one = || run(&config(&[]), &scenario(&[("fault", fault)]), |_, _, _| {});
-    let Some(run) = sound_run(one, |run| was_quiet_until(run, 1.39)) else { return };
-    assert!(run.log.contains("Stopped: SampleStale"), "{}", run.log);
-    assert_eq!(run.last().motion, Motion::Hold.code());
+    undisturbed(|| {
+        let fault = "[{ at_s = 1.4, duration_s = 0.24, kind = \"late\" }]";
+        let run = run(&config(&[]), &scenario(&[("fault", fault)]), |_, _, _| {});
+        assert_quiet_until(&run, 1.39);
+        assert!(run.log.contains("Stopped: SampleStale"), "{}", run.log);
+        assert_eq!(run.last().motion, Motion::Hold.code());
+    });
 }
 
 /// Steps CLOCK_REALTIME back and forth while it lives.
@@ -298,16 +295,16 @@ impl Drop for SteppedClock {
 
 #[test]
 fn steps_of_the_wall_clock_do_not_matter() {
-    if !needs(Need::Root) {
-        return;
-    }
-    for wait in ["event", "hybrid"] {
-        let is_set = Cell::new(true);
-        let quoted = format!("\"{wait}\"");
-        let one = || {
+    undisturbed(|| {
+        if !needs(Need::Root) {
+            return;
+        }
+        for wait in ["event", "hybrid"] {
+            let is_set = Cell::new(true);
+            let quoted = format!("\"{wait}\"");
             let (mut forward, mut back) = (once(1.2), once(1.6));
             let keys = [&PATIENT[..], &[("control.wait", &quoted)]].concat();
-            run(&config(&keys), &scenario(&[]), |_, _, truth| {
+            let run = run(&config(&keys), &scenario(&[]), |_, _, truth| {
                 let step = if forward(truth) {
                     10
                 } else if back(truth) {
@@ -320,28 +317,31 @@ fn steps_of_the_wall_clock_do_not_matter() {
                     Some(_stepped) => std::thread::sleep(Duration::from_millis(60)),
                     None => is_set.set(false),
                 }
-            })
-        };
-        let is_sound = |run: &Run| was_quiet_until(run, 1.19) && run.last().fallback_count == 0;
-        let Some(run) = sound_run(one, is_sound) else { return };
-        if !is_set.get() {
-            println!("SKIPPED: the clock of this machine cannot be set");
-            return;
+            });
+            assert_quiet_until(&run, 1.19);
+            assert_eq!(run.last().fallback_count, 0, "{wait}: {}", run.log);
+            if !is_set.get() {
+                println!("SKIPPED: the clock of this machine cannot be set");
+                return;
+            }
+            let last = run.last();
+            assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{wait}: {}", run.log);
+            assert_eq!(last.rejected_count, run.at(1.19).rejected_count, "{wait}: {}", run.log);
+            let answered =
+                run.commands.windows(2).filter(|pair| pair[1].state_sequence > pair[0].state_sequence).count();
+            assert!(answered > 100, "{wait}: {answered} answers seen");
         }
-        let last = run.last();
-        assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{wait}: {}", run.log);
-        assert_eq!(last.rejected_count, run.at(1.19).rejected_count, "{wait}: {}", run.log);
-        let answered = run.commands.windows(2).filter(|pair| pair[1].state_sequence > pair[0].state_sequence).count();
-        assert!(answered > 100, "{wait}: {answered} answers seen");
-    }
+    });
 }
 
 #[test]
 fn spinning_answers_as_well() {
-    // At normal priority: one that never sleeps would take the processor from the other tests.
-    let keys = [&PATIENT[..], &[("control.wait", "\"spin\""), ("realtime.priority", "0")]].concat();
-    let one = || run(&config(&keys), &scenario(&[]), |_, _, _| {});
-    let Some(run) = sound_run(one, went_on) else { return };
-    let last = run.last();
-    assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{}", run.log);
+    undisturbed(|| {
+        // At normal priority: one that never sleeps would take the processor from the other tests.
+        let keys = [&PATIENT[..], &[("control.wait", "\"spin\""), ("realtime.priority", "0")]].concat();
+        let run = run(&config(&keys), &scenario(&[]), |_, _, _| {});
+        assert_went_on(&run);
+        let last = run.last();
+        assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{}", run.log);
+    });
 }

@@ -8,7 +8,7 @@ use end_to_end::session::{
     CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, ctl_command, daemon_command, output, plant_command, run_plant,
     start_daemon, wait_for_log, with_keys, write,
 };
-use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, needs, python};
+use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, needs, python, undisturbed};
 
 /// Starts a program whose file is a pipe, and asks it to end when it opens that: before it can have
 /// set up anything that it does not set up first.
@@ -103,63 +103,70 @@ fn reload_takes_what_may_change_and_refuses_the_rest_with_a_reason() {
 
 #[test]
 fn a_stop_is_reported_and_reset_once_nothing_pushes_in() {
-    let ipc = PrivateIpc::new("planar");
-    let config = write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &[&PATIENT[..], &[CONTRADICTION]].concat()));
-    let mut daemon = start_daemon(&ipc, &config);
-    let (code, text) = output(&mut ctl_command(&ipc, "reset", &config));
-    assert_eq!((code, text.contains("not Stopped")), (Some(1), true), "{text}");
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("planar");
+        let config = write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &[&PATIENT[..], &[CONTRADICTION]].concat()));
+        let mut daemon = start_daemon(&ipc, &config);
+        let (code, text) = output(&mut ctl_command(&ipc, "reset", &config));
+        assert_eq!((code, text.contains("not Stopped")), (Some(1), true), "{text}");
 
-    // An infeasible contact: a stop. Then the motion leads out of the surface; the daemon lets it,
-    // slowly.
-    let motion = "[{ duration_s = 0.8, twist = [0.0, -0.25] }, { duration_s = 1.5, twist = [0.0, 0.2] }]";
-    let changes = [("motion", motion), ("start.contact_time_s", "0.4"), ("timing.command_delay_s", "0.001")];
-    let scenario = write(&ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &changes));
-    let (mut refused, mut done) = (None, None);
-    run_plant(&ipc, &scenario, |truth| {
-        if truth.scenario_time_s > 0.65 && refused.is_none() {
-            refused = Some(output(&mut ctl_command(&ipc, "reset", &config)));
-        }
-        if truth.scenario_time_s > 1.9 && done.is_none() {
-            let status = output(ctl_command(&ipc, "status", &config).arg("--json"));
-            done = Some((status, output(&mut ctl_command(&ipc, "reset", &config))));
-        }
+        // An infeasible contact: a stop. Then the motion leads out of the surface; the daemon lets it,
+        // slowly.
+        let motion = "[{ duration_s = 0.8, twist = [0.0, -0.25] }, { duration_s = 1.5, twist = [0.0, 0.2] }]";
+        let changes = [("motion", motion), ("start.contact_time_s", "0.4"), ("timing.command_delay_s", "0.001")];
+        let scenario = write(&ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &changes));
+        let (mut refused, mut done) = (None, None);
+        run_plant(&ipc, &scenario, |truth| {
+            if truth.scenario_time_s > 0.65 && refused.is_none() {
+                refused = Some(output(&mut ctl_command(&ipc, "reset", &config)));
+            }
+            if truth.scenario_time_s > 1.9 && done.is_none() {
+                let status = output(ctl_command(&ipc, "status", &config).arg("--json"));
+                done = Some((status, output(&mut ctl_command(&ipc, "reset", &config))));
+            }
+        });
+        let (code, text) = refused.expect("asked while stopped");
+        assert_eq!((code, text.contains("into the surface")), (Some(1), true), "{text}");
+        let ((_, status), (code, text)) = done.expect("asked after the retreat");
+        assert!(
+            status.contains("\"stop_reason\":\"Infeasible\"") && status.contains("\"mode\":\"Stopped\""),
+            "{status}"
+        );
+        assert_eq!((code, text.contains("from Stopped (Infeasible) to Idle")), (Some(0), true), "{text}");
+
+        // With limits that can be met, touch again. The plant is a new one: its samples start anew.
+        write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &PATIENT));
+        daemon.signal(libc::SIGHUP);
+        wait_for_log(&mut daemon, "reload: the new configuration is in force");
+        let again = write(&ipc, "again.toml", &with_keys(PAPER_SCENARIO, &[("timing.command_delay_s", "0.001")]));
+        run_plant(&ipc, &again, |_| {});
+        wait_for_log(&mut daemon, "INFO Contact");
+        daemon.terminate();
+        assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
     });
-    let (code, text) = refused.expect("asked while stopped");
-    assert_eq!((code, text.contains("into the surface")), (Some(1), true), "{text}");
-    let ((_, status), (code, text)) = done.expect("asked after the retreat");
-    assert!(status.contains("\"stop_reason\":\"Infeasible\"") && status.contains("\"mode\":\"Stopped\""), "{status}");
-    assert_eq!((code, text.contains("from Stopped (Infeasible) to Idle")), (Some(0), true), "{text}");
-
-    // With limits that can be met, touch again. The plant is a new one: its samples start anew.
-    write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &PATIENT));
-    daemon.signal(libc::SIGHUP);
-    wait_for_log(&mut daemon, "reload: the new configuration is in force");
-    let again = write(&ipc, "again.toml", &with_keys(PAPER_SCENARIO, &[("timing.command_delay_s", "0.001")]));
-    run_plant(&ipc, &again, |_| {});
-    wait_for_log(&mut daemon, "INFO Contact");
-    daemon.terminate();
-    assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
 }
 
 #[test]
 fn a_client_generated_from_the_schema_alone_drives_the_daemon() {
-    if !needs(Need::Python) {
-        return;
-    }
-    let ipc = PrivateIpc::new("planar");
-    let (code, schema) = output(Command::new(&binaries().admittancectl).args(["schema", "--json"]));
-    assert_eq!(code, Some(0), "{schema}");
-    let schema = write(&ipc, "schema.json", &schema);
-    let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", MPC_PAPER));
-    let script = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../ipc-types/python/foreign_client.py");
-    let settings = ipc.settings();
-    let mut client = Command::new(python().expect("needs(Python) found one"));
-    client.arg(script).arg(schema).arg(&settings.root_path).args([&settings.prefix, settings.instance.as_str()]);
-    let mut client = Child::spawn(&mut client);
-    let status = client.wait_for_exit(PATIENCE);
-    assert!(status.success(), "{}\n{}", client.report(), daemon.report());
-    let answer: serde_json::Value = serde_json::from_str(&client.stdout()).expect("one JSON object");
-    println!("{} of {} samples answered", answer["answered"], answer["sent"]);
-    daemon.terminate();
-    assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
+    undisturbed(|| {
+        if !needs(Need::Python) {
+            return;
+        }
+        let ipc = PrivateIpc::new("planar");
+        let (code, schema) = output(Command::new(&binaries().admittancectl).args(["schema", "--json"]));
+        assert_eq!(code, Some(0), "{schema}");
+        let schema = write(&ipc, "schema.json", &schema);
+        let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", MPC_PAPER));
+        let script = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../ipc-types/python/foreign_client.py");
+        let settings = ipc.settings();
+        let mut client = Command::new(python().expect("needs(Python) found one"));
+        client.arg(script).arg(schema).arg(&settings.root_path).args([&settings.prefix, settings.instance.as_str()]);
+        let mut client = Child::spawn(&mut client);
+        let status = client.wait_for_exit(PATIENCE);
+        assert!(status.success(), "{}\n{}", client.report(), daemon.report());
+        let answer: serde_json::Value = serde_json::from_str(&client.stdout()).expect("one JSON object");
+        println!("{} of {} samples answered", answer["answered"], answer["sent"]);
+        daemon.terminate();
+        assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
+    });
 }

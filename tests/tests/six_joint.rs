@@ -2,8 +2,8 @@
 //! with one, three and six admittance axes; in virtual time, and once with both real processes.
 
 use end_to_end::closed_loop::{Experiment, Run};
-use end_to_end::session::{TRIES, daemon_command, run_plant, with_keys, write};
-use end_to_end::{Child, PATIENCE, PrivateIpc};
+use end_to_end::session::{daemon_command, run_plant, with_keys, write};
+use end_to_end::{Child, PATIENCE, PrivateIpc, undisturbed};
 use plant_sim::scenario::Scenario;
 use plant_sim::summary::Summary;
 
@@ -65,39 +65,29 @@ fn presses_and_slides_with_one_three_and_six_axes() {
 
 #[test]
 fn both_processes_press_and_slide_in_real_time() {
-    // Tests are not built for release: a whole cycle for the answer, and what a busy machine needs.
-    let config = with_keys(
-        CONFIG,
-        &[
-            ("control.command_delay_s", "0.001"),
-            ("control.answer_budget_s", "0.0009"),
-            ("control.max_sample_age_s", "0.1"),
-            ("control.max_consecutive_fallbacks", "20"),
-        ],
-    );
-    let scenario = with_keys(SCENARIO, &[("timing.command_delay_s", "0.001")]);
-    let parsed: Scenario = admittance_host::config::parse(&scenario, "scenario.toml").expect("valid");
-    for _ in 0..TRIES {
+    undisturbed(|| {
+        // Tests are not built for release: a whole cycle for the answer, and what a busy machine needs.
+        let config = with_keys(
+            CONFIG,
+            &[
+                ("control.command_delay_s", "0.001"),
+                ("control.answer_budget_s", "0.0009"),
+                ("control.max_sample_age_s", "0.1"),
+                ("control.max_consecutive_fallbacks", "20"),
+            ],
+        );
+        let scenario = with_keys(SCENARIO, &[("timing.command_delay_s", "0.001")]);
+        let parsed: Scenario = admittance_host::config::parse(&scenario, "scenario.toml").expect("valid");
         let ipc = PrivateIpc::new("six-joint");
         let mut daemon = Child::spawn(&mut daemon_command(&ipc, &write(&ipc, "daemon.toml", &config)));
-        let truths = run_plant(&ipc, &write(&ipc, "scenario.toml", &scenario), |_| {});
         let mut summary = Summary::of_scenario(&parsed);
-        truths.iter().for_each(|truth| summary.add(truth));
-        let first = summary.first_contact_s.unwrap_or(0.0) - 0.02;
-        // The peak is decided here; later the plan bridges what a busy machine misses.
-        let decisive = first..first + 0.08;
-        let missed =
-            truths.iter().filter(|truth| truth.missed == 1 && decisive.contains(&truth.scenario_time_s)).count();
+        run_plant(&ipc, &write(&ipc, "scenario.toml", &scenario), |truth| summary.add(truth));
         daemon.terminate();
         assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
         let (peak, losses) = (summary.peak_normal_force_n, summary.contact_losses);
-        println!("real time: peak {peak:.1} N, {losses} losses, {missed} commands missed around contact");
-        if missed == 0 {
-            assert!(summary.first_contact_s.is_some());
-            assert!(peak <= MOST, "peak {peak} N: {}", daemon.report());
-            assert_eq!(losses, 0);
-            return;
-        }
-    }
-    println!("SKIPPED: machine too busy: commands were missed near contact in {TRIES} runs");
+        println!("real time: peak {peak:.1} N, {losses} losses");
+        assert!(summary.first_contact_s.is_some());
+        assert!(peak <= MOST, "peak {peak} N: {}", daemon.report());
+        assert_eq!(losses, 0);
+    });
 }

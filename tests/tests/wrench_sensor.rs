@@ -7,10 +7,10 @@ use admittance_host::config::parse;
 use admittance_runner::config::Config;
 use end_to_end::closed_loop::{Experiment, MPC_DEFAULT};
 use end_to_end::session::{
-    PAPER_SCENARIO, PATIENT, TRIES, ctl_command, output, plant_command, run_plant, start_daemon, wait_for_log,
-    with_keys, write,
+    PAPER_SCENARIO, PATIENT, ctl_command, output, plant_command, run_plant, start_daemon, wait_for_log, with_keys,
+    write,
 };
-use end_to_end::{Child, PATIENCE, PrivateIpc};
+use end_to_end::{Child, PATIENCE, PrivateIpc, undisturbed};
 use ipc_types::{Fault, Source, StopReason};
 use plant_sim::scenario::Scenario;
 
@@ -122,88 +122,81 @@ fn real_contact(sensor: &[(&str, &str)], compensation: &[(&str, &str)]) -> ([f64
     ([peak, settled], serde_json::from_str(&text).expect("one JSON object"))
 }
 
-/// The same until the machine was not too busy for it.
-fn undisturbed_contact(sensor: &[(&str, &str)], compensation: &[(&str, &str)]) -> ([f64; 2], serde_json::Value) {
-    for _ in 0..TRIES {
-        let (forces, status) = real_contact(sensor, compensation);
-        if status["stop_reason"] == "None" {
-            return (forces, status);
-        }
-        assert!(
-            ["SampleStale", "FallbackExhausted", "RateMismatch"].iter().any(|busy| status["stop_reason"] == *busy),
-            "{status}"
-        );
-        println!("a busy machine: {}", status["text"]);
-    }
-    panic!("no contact of {TRIES} went undisturbed");
-}
-
 #[test]
 fn compensated_the_contact_is_the_same_through_real_processes() {
-    let ([plain_peak, plain], _) = undisturbed_contact(&[], &[]);
-    let ([peak, settled], status) = undisturbed_contact(&[("sensor", SENSOR)], &[("wrench", COMPENSATION)]);
-    println!("peak {plain_peak:.1} and {peak:.1} N, settled {plain:.2} and {settled:.2} N");
-    // A busy machine answers a cycle late now and then.
-    assert!(peak < 210.0 && (plain - settled).abs() < 2.0, "{plain} N, and {settled} N with a sensor");
-    // The status tells what the law sees: what presses, not what the tool weighs.
-    let wrench: Vec<f64> = serde_json::from_value(status["wrench"].clone()).expect("numbers");
-    let normal = -(0.42261826 * wrench[0] + 0.90630779 * wrench[1]);
-    assert!((normal - settled).abs() < 3.0, "{normal} N of {settled} N");
-    // A daemon that is told nothing takes the tool for a contact.
-    let (_, status) = real_contact(&[("sensor", SENSOR)], &[]);
-    assert_eq!(status["stop_reason"], "StartedInContact", "{status}");
+    undisturbed(|| {
+        let ([plain_peak, plain], status) = real_contact(&[], &[]);
+        assert_eq!(status["stop_reason"], "None", "{status}");
+        let ([peak, settled], status) = real_contact(&[("sensor", SENSOR)], &[("wrench", COMPENSATION)]);
+        assert_eq!(status["stop_reason"], "None", "{status}");
+        println!("peak {plain_peak:.1} and {peak:.1} N, settled {plain:.2} and {settled:.2} N");
+        // A busy machine answers a cycle late now and then.
+        assert!(peak < 210.0 && (plain - settled).abs() < 2.0, "{plain} N, and {settled} N with a sensor");
+        // The status tells what the law sees: what presses, not what the tool weighs.
+        let wrench: Vec<f64> = serde_json::from_value(status["wrench"].clone()).expect("numbers");
+        let normal = -(0.42261826 * wrench[0] + 0.90630779 * wrench[1]);
+        assert!((normal - settled).abs() < 3.0, "{normal} N of {settled} N");
+        // A daemon that is told nothing takes the tool for a contact.
+        let (_, status) = real_contact(&[("sensor", SENSOR)], &[]);
+        assert_eq!(status["stop_reason"], "StartedInContact", "{status}");
+    });
 }
 
 #[test]
 fn a_saturated_sensor_stops_the_arm_and_the_log_says_why() {
-    let ipc = PrivateIpc::new("planar");
-    let sensor = SENSOR.replace(" }", ", range = [35.0, 35.0, 35.0, 90.0, 90.0, 90.0] }");
-    let compensation = COMPENSATION.replace(" }", ", saturation = [35.0, 35.0, 35.0, 90.0, 90.0, 90.0] }");
-    // The end of the range is in the contact for good: the force that is kept is beyond it.
-    let kept = [("contact.minimum_force", "[6.0, 60.0]"), ("contact.normal_force_reference_n", "90.0")];
-    let config = write(&ipc, "daemon.toml", &configuration(&[&kept[..], &[("wrench", &compensation)]].concat()));
-    let mut daemon = start_daemon(&ipc, &config);
-    run_plant(&ipc, &scenario(&ipc, &[("sensor", &sensor)]), |_| {});
-    wait_for_log(&mut daemon, "is at the end of the sensor's range, wrench.saturation");
-    let (code, text) = output(&mut ctl_command(&ipc, "status", &config));
-    assert_eq!(code, Some(0), "{text}");
-    assert!(text.contains(StopReason::SampleInvalid.name()) || daemon.stderr().contains("SampleInvalid"), "{text}");
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("planar");
+        let sensor = SENSOR.replace(" }", ", range = [35.0, 35.0, 35.0, 90.0, 90.0, 90.0] }");
+        let compensation = COMPENSATION.replace(" }", ", saturation = [35.0, 35.0, 35.0, 90.0, 90.0, 90.0] }");
+        // The end of the range is in the contact for good: the force that is kept is beyond it.
+        let kept = [("contact.minimum_force", "[6.0, 60.0]"), ("contact.normal_force_reference_n", "90.0")];
+        let config = write(&ipc, "daemon.toml", &configuration(&[&kept[..], &[("wrench", &compensation)]].concat()));
+        let mut daemon = start_daemon(&ipc, &config);
+        run_plant(&ipc, &scenario(&ipc, &[("sensor", &sensor)]), |_| {});
+        wait_for_log(&mut daemon, "is at the end of the sensor's range, wrench.saturation");
+        let (code, text) = output(&mut ctl_command(&ipc, "status", &config));
+        assert_eq!(code, Some(0), "{text}");
+        assert!(text.contains(StopReason::SampleInvalid.name()) || daemon.stderr().contains("SampleInvalid"), "{text}");
+    });
 }
 
 #[test]
 fn taring_in_free_motion_brings_the_bias_to_nothing_but_noise() {
-    let ipc = PrivateIpc::new("planar");
-    // All but the last newtons of the bias are known.
-    let known =
-        COMPENSATION.replace("bias = [6.0, -9.0, 4.0, 0.5, -0.3, 0.2]", "bias = [5.0, -7.5, 4.0, 0.5, -0.3, 0.2]");
-    let allowed = ("requests", "{ tare_bias_max = [10.0, 10.0, 10.0, 2.0, 2.0, 2.0] }");
-    let config = write(&ipc, "daemon.toml", &configuration(&[("wrench", &known), allowed]));
-    let mut daemon = start_daemon(&ipc, &config);
-    let motion = "[{ duration_s = 30.0, twist = [0.0, -0.001] }]";
-    let changes = [("sensor", SENSOR), ("motion", motion), ("noise.wrench", "0.3"), ("start.contact_time_s", "29.0")];
-    let _plant = Child::spawn(&mut plant_command(&ipc, &scenario(&ipc, &changes)));
-    let mut tared = (None, String::new());
-    daemon.wait_until("enough samples in free motion", PATIENCE, |_| {
-        tared = output(&mut ctl_command(&ipc, "tare", &config));
-        assert!(
-            tared.0 == Some(0) || tared.1.contains("accepted in mode Free") || tared.1.contains("accepted: 200;"),
-            "{tared:?}"
-        );
-        tared.0 == Some(0)
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("planar");
+        // All but the last newtons of the bias are known.
+        let known =
+            COMPENSATION.replace("bias = [6.0, -9.0, 4.0, 0.5, -0.3, 0.2]", "bias = [5.0, -7.5, 4.0, 0.5, -0.3, 0.2]");
+        let allowed = ("requests", "{ tare_bias_max = [10.0, 10.0, 10.0, 2.0, 2.0, 2.0] }");
+        let config = write(&ipc, "daemon.toml", &configuration(&[("wrench", &known), allowed]));
+        let mut daemon = start_daemon(&ipc, &config);
+        let motion = "[{ duration_s = 30.0, twist = [0.0, -0.001] }]";
+        let changes =
+            [("sensor", SENSOR), ("motion", motion), ("noise.wrench", "0.3"), ("start.contact_time_s", "29.0")];
+        let _plant = Child::spawn(&mut plant_command(&ipc, &scenario(&ipc, &changes)));
+        let mut tared = (None, String::new());
+        daemon.wait_until("enough samples in free motion", PATIENCE, |_| {
+            tared = output(&mut ctl_command(&ipc, "tare", &config));
+            assert!(
+                tared.0 == Some(0) || tared.1.contains("accepted in mode Free") || tared.1.contains("accepted: 200;"),
+                "{tared:?}"
+            );
+            tared.0 == Some(0)
+        });
+        let text = tared.1;
+        println!("{text}");
+        assert!(text.contains("wrench bias x 5.000 -> ") && text.contains("the mean of 200 samples"), "{text}");
+        let (_, status) = output(ctl_command(&ipc, "status", &config).arg("--json"));
+        let status: serde_json::Value = serde_json::from_str(&status).expect("one JSON object");
+        let bias: Vec<f64> = serde_json::from_value(status["wrench_bias"].clone()).expect("numbers");
+        // 0.3 N of noise over 200 samples are 0.02 N.
+        for (found, real) in bias.iter().zip([6.0, -9.0, 4.0, 0.5, -0.3, 0.2]) {
+            assert!((found - real).abs() < 0.12, "{bias:?}");
+        }
+        let wrench: Vec<f64> = serde_json::from_value(status["wrench"].clone()).expect("numbers");
+        assert!(wrench.iter().all(|force| force.abs() < 2.0), "{wrench:?}");
+        assert_eq!(status["mode"], "Free");
+        let (code, text) = output(&mut ctl_command(&ipc, "reload", &config));
+        assert!(code == Some(0) && text.contains("-> 5.000 N"), "the file's bias holds again: {text}");
     });
-    let text = tared.1;
-    println!("{text}");
-    assert!(text.contains("wrench bias x 5.000 -> ") && text.contains("the mean of 200 samples"), "{text}");
-    let (_, status) = output(ctl_command(&ipc, "status", &config).arg("--json"));
-    let status: serde_json::Value = serde_json::from_str(&status).expect("one JSON object");
-    let bias: Vec<f64> = serde_json::from_value(status["wrench_bias"].clone()).expect("numbers");
-    // 0.3 N of noise over 200 samples are 0.02 N.
-    for (found, real) in bias.iter().zip([6.0, -9.0, 4.0, 0.5, -0.3, 0.2]) {
-        assert!((found - real).abs() < 0.12, "{bias:?}");
-    }
-    let wrench: Vec<f64> = serde_json::from_value(status["wrench"].clone()).expect("numbers");
-    assert!(wrench.iter().all(|force| force.abs() < 2.0), "{wrench:?}");
-    assert_eq!(status["mode"], "Free");
-    let (code, text) = output(&mut ctl_command(&ipc, "reload", &config));
-    assert!(code == Some(0) && text.contains("-> 5.000 N"), "the file's bias holds again: {text}");
 }

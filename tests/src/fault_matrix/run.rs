@@ -10,7 +10,8 @@ use super::files::{daemon_file, scenario_file};
 use super::row::{Injection, Row, Said, Situation, Who};
 use super::watch::{Seen, Watcher};
 use super::{observe, recover};
-use crate::session::{TRIES, plant_command, start_daemon, write};
+use crate::machine::undisturbed_beside;
+use crate::session::{plant_command, start_daemon, write};
 use crate::{Child, Need, PATIENCE, PrivateIpc, needs};
 
 /// When the fault comes, in s after the start of the motion: before the touch, or well after it.
@@ -60,14 +61,12 @@ pub fn run(row: &Row, situation: Situation) -> String {
     if row.injection.needs_root() && !needs(Need::Root) {
         return String::new();
     }
-    for _ in 0..TRIES {
+    let report = undisturbed_beside(|witness| {
         let mut stage = Stage::open(row, situation);
         let Err(wrong) = stage.play() else { return std::mem::take(&mut stage.report) };
         stage.log += &stage.daemon.stderr();
-        let disturbed = observe::disturbance(&stage);
-        if let Some(disturbance) = disturbed {
-            println!("{} in {}: disturbed by the machine ({disturbance}): {wrong}", row.name, situation.name());
-            continue;
+        if let Some(disturbance) = observe::disturbance(&stage) {
+            witness.note(disturbance);
         }
         let (states, time) = {
             let seen = stage.watcher.seen();
@@ -79,9 +78,8 @@ pub fn run(row: &Row, situation: Situation) -> String {
             "{row} in {situation}: {wrong}\nstates: {states:?}\ntime {time:.3} s\n{}\n{plant}\n{newcomer}",
             stage.log
         );
-    }
-    println!("SKIPPED: machine too busy for {} in {}: disturbed in {TRIES} runs", row.name, situation.name());
-    String::new()
+    });
+    report.unwrap_or_default()
 }
 
 impl<'a> Stage<'a> {

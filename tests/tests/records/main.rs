@@ -14,7 +14,7 @@ use end_to_end::session::{
     CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, ctl_command, output, run_plant, start_daemon, wait_for_log,
     with_keys, write,
 };
-use end_to_end::{Child, PATIENCE, PrivateIpc, binaries};
+use end_to_end::{Child, PATIENCE, PrivateIpc, binaries, undisturbed};
 use ipc_types::RecordKind;
 use mcap::records::Record;
 use mcap_file::{mcap_records, with_altered_bit};
@@ -58,106 +58,110 @@ fn number_before(text: &str, words: &str) -> u64 {
 
 #[test]
 fn a_recorded_contact_is_replayed_to_the_bit() {
-    let ipc = PrivateIpc::new("planar");
-    let config = write(&ipc, "daemon.toml", &patient_default());
-    let daemon = start_daemon(&ipc, &config);
-    let (whole, late) = (ipc.directory().join("whole.mcap"), ipc.directory().join("late.mcap"));
-    let recorder = start_recorder(&ipc, &config, &whole);
-    let mut late_recorder = None;
-    let truths = run_plant(&ipc, &paper_scenario(&ipc), |truth| {
-        // Well after the daemon, and well before the contact.
-        if truth.sequence > 10 && late_recorder.is_none() {
-            late_recorder = Some(start_recorder(&ipc, &config, &late));
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("planar");
+        let config = write(&ipc, "daemon.toml", &patient_default());
+        let daemon = start_daemon(&ipc, &config);
+        let (whole, late) = (ipc.directory().join("whole.mcap"), ipc.directory().join("late.mcap"));
+        let recorder = start_recorder(&ipc, &config, &whole);
+        let mut late_recorder = None;
+        let truths = run_plant(&ipc, &paper_scenario(&ipc), |truth| {
+            // Well after the daemon, and well before the contact.
+            if truth.sequence > 10 && late_recorder.is_none() {
+                late_recorder = Some(start_recorder(&ipc, &config, &late));
+            }
+        });
+        assert!(truths.iter().any(|truth| truth.in_contact == 1));
+        let tally = end_recorder(recorder);
+        end_recorder(late_recorder.expect("begun during the run"));
+        drop(daemon);
+        println!("{}", tally.trim());
+        assert!(tally.contains("gaps: 0,"), "{tally}");
+
+        let (code, text) = replay(&whole);
+        assert_eq!(code, Some(0), "{text}");
+        assert!(text.contains("the controller was fresh"), "{text}");
+        let compared = number_before(&text, " cycles, bit-identical");
+        // All except the silences before the first sample and after the last order.
+        let recorded = number_before(&tally, " records;");
+        assert!(compared + 20 > recorded, "{compared} of {recorded}: {text}");
+
+        let (code, text) = replay(&late);
+        assert_eq!(code, Some(0), "{text}");
+        assert!(text.contains("after 128 cycles in free motion"), "{text}");
+        let of_late = number_before(&text, " cycles, bit-identical");
+        assert!(of_late < compared && of_late > 100, "the contact is among the {of_late} of {compared} cycles: {text}");
+
+        // One bit, in one cycle of the contact.
+        let altered = ipc.directory().join("altered.mcap");
+        let sequence = with_altered_bit(&whole, &altered);
+        let (code, text) = replay(&altered);
+        assert_eq!(code, Some(1), "{text}");
+        assert!(text.contains(&format!("(record {sequence}, ")), "record {sequence}: {text}");
+        assert!(text.contains("command.joint_velocity_offset[0]"), "{text}");
+        // Another configuration leads to a difference, at the earliest in contact.
+        let other = write(&ipc, "other.toml", &with_keys(&patient_default(), &[("mpc.input_weight", "[20.0, 20.0]")]));
+        let mut replay_other = Command::new(&binaries().admittancectl);
+        let (code, text) = output(replay_other.arg("replay").arg(&whole).arg("--config").arg(other));
+        assert_eq!(code, Some(1), "{text}");
+        assert!(number_before(&text, " cycles before it are bit-identical") > 100, "{text}");
+
+        let report = ipc.directory().join("report");
+        let mut draw = Command::new(&binaries().admittancectl);
+        let (code, text) = output(draw.arg("report").arg(&whole).arg("--directory").arg(&report));
+        assert_eq!(code, Some(0), "{text}");
+        let page = std::fs::read_to_string(report.join("index.html")).expect("a page");
+        assert_eq!(page.matches("<figure>").count(), 3);
+        assert!(page.contains("true, in force") && page.contains("peak true |f_y| in N"), "{page}");
+        for number in 3..=5 {
+            assert!(report.join(format!("figure-{number}.svg")).exists());
         }
+
+        read_with_python(&whole, true);
     });
-    assert!(truths.iter().any(|truth| truth.in_contact == 1));
-    let tally = end_recorder(recorder);
-    end_recorder(late_recorder.expect("begun during the run"));
-    drop(daemon);
-    println!("{}", tally.trim());
-    assert!(tally.contains("gaps: 0,"), "{tally}");
-
-    let (code, text) = replay(&whole);
-    assert_eq!(code, Some(0), "{text}");
-    assert!(text.contains("the controller was fresh"), "{text}");
-    let compared = number_before(&text, " cycles, bit-identical");
-    // All except the silences before the first sample and after the last order.
-    let recorded = number_before(&tally, " records;");
-    assert!(compared + 20 > recorded, "{compared} of {recorded}: {text}");
-
-    let (code, text) = replay(&late);
-    assert_eq!(code, Some(0), "{text}");
-    assert!(text.contains("after 128 cycles in free motion"), "{text}");
-    let of_late = number_before(&text, " cycles, bit-identical");
-    assert!(of_late < compared && of_late > 100, "the contact is among the {of_late} of {compared} cycles: {text}");
-
-    // One bit, in one cycle of the contact.
-    let altered = ipc.directory().join("altered.mcap");
-    let sequence = with_altered_bit(&whole, &altered);
-    let (code, text) = replay(&altered);
-    assert_eq!(code, Some(1), "{text}");
-    assert!(text.contains(&format!("(record {sequence}, ")), "record {sequence}: {text}");
-    assert!(text.contains("command.joint_velocity_offset[0]"), "{text}");
-    // Another configuration leads to a difference, at the earliest in contact.
-    let other = write(&ipc, "other.toml", &with_keys(&patient_default(), &[("mpc.input_weight", "[20.0, 20.0]")]));
-    let mut replay_other = Command::new(&binaries().admittancectl);
-    let (code, text) = output(replay_other.arg("replay").arg(&whole).arg("--config").arg(other));
-    assert_eq!(code, Some(1), "{text}");
-    assert!(number_before(&text, " cycles before it are bit-identical") > 100, "{text}");
-
-    let report = ipc.directory().join("report");
-    let mut draw = Command::new(&binaries().admittancectl);
-    let (code, text) = output(draw.arg("report").arg(&whole).arg("--directory").arg(&report));
-    assert_eq!(code, Some(0), "{text}");
-    let page = std::fs::read_to_string(report.join("index.html")).expect("a page");
-    assert_eq!(page.matches("<figure>").count(), 3);
-    assert!(page.contains("true, in force") && page.contains("peak true |f_y| in N"), "{page}");
-    for number in 3..=5 {
-        assert!(report.join(format!("figure-{number}.svg")).exists());
-    }
-
-    read_with_python(&whole, true);
 }
 
 #[test]
 fn orders_and_a_new_configuration_are_replayed_too() {
-    let ipc = PrivateIpc::new("planar");
-    let config = write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &[&PATIENT[..], &[CONTRADICTION]].concat()));
-    let mut daemon = start_daemon(&ipc, &config);
-    let file = ipc.directory().join("orders.mcap");
-    let recorder = start_recorder(&ipc, &config, &file);
-    // An infeasible contact: a stop, a reset that is refused, a retreat, a reset that is not.
-    let motion = "[{ duration_s = 0.8, twist = [0.0, -0.25] }, { duration_s = 1.5, twist = [0.0, 0.2] }]";
-    let changes = [("motion", motion), ("start.contact_time_s", "0.4"), DELAY];
-    let mut resets = Vec::new();
-    run_plant(&ipc, &write(&ipc, "retreat.toml", &with_keys(PAPER_SCENARIO, &changes)), |truth| {
-        if truth.scenario_time_s > [0.65, 1.9, f64::INFINITY][resets.len()] {
-            resets.push(output(&mut ctl_command(&ipc, "reset", &config)).0);
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("planar");
+        let config = write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &[&PATIENT[..], &[CONTRADICTION]].concat()));
+        let mut daemon = start_daemon(&ipc, &config);
+        let file = ipc.directory().join("orders.mcap");
+        let recorder = start_recorder(&ipc, &config, &file);
+        // An infeasible contact: a stop, a reset that is refused, a retreat, a reset that is not.
+        let motion = "[{ duration_s = 0.8, twist = [0.0, -0.25] }, { duration_s = 1.5, twist = [0.0, 0.2] }]";
+        let changes = [("motion", motion), ("start.contact_time_s", "0.4"), DELAY];
+        let mut resets = Vec::new();
+        run_plant(&ipc, &write(&ipc, "retreat.toml", &with_keys(PAPER_SCENARIO, &changes)), |truth| {
+            if truth.scenario_time_s > [0.65, 1.9, f64::INFINITY][resets.len()] {
+                resets.push(output(&mut ctl_command(&ipc, "reset", &config)).0);
+            }
+        });
+        // On a machine that is not too busy the first is refused; what matters is that the replay has
+        // it end the same way.
+        println!("resets ended with {resets:?}");
+        // With limits that can be met, touch again.
+        write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &PATIENT));
+        daemon.signal(libc::SIGHUP);
+        wait_for_log(&mut daemon, "reload: the new configuration is in force");
+        run_plant(&ipc, &paper_scenario(&ipc), |_| {});
+        daemon.terminate();
+        assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
+        end_recorder(recorder);
+        let attached = |record: &Record<'_>| matches!(record, Record::Attachment { .. });
+        assert_eq!(mcap_records(&file).iter().filter(|record| attached(record)).count(), 2, "both configurations");
+        for kind in [RecordKind::Reset, RecordKind::Stop, RecordKind::Replaced] {
+            let kind = format!("\"kind\":{},", kind.code());
+            let is_one = |record: &Record<'_>| match record {
+                Record::Message { data, .. } => String::from_utf8_lossy(data).contains(&kind),
+                _ => false,
+            };
+            assert!(mcap_records(&file).iter().any(is_one), "no record with {kind}");
         }
+        let (code, text) = replay(&file);
+        assert_eq!(code, Some(0), "{text}");
+        println!("{text}");
+        assert!(number_before(&text, " cycles, bit-identical") > 500, "{text}");
     });
-    // On a machine that is not too busy the first is refused; what matters is that the replay has
-    // it end the same way.
-    println!("resets ended with {resets:?}");
-    // With limits that can be met, touch again.
-    write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &PATIENT));
-    daemon.signal(libc::SIGHUP);
-    wait_for_log(&mut daemon, "reload: the new configuration is in force");
-    run_plant(&ipc, &paper_scenario(&ipc), |_| {});
-    daemon.terminate();
-    assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
-    end_recorder(recorder);
-    let attached = |record: &Record<'_>| matches!(record, Record::Attachment { .. });
-    assert_eq!(mcap_records(&file).iter().filter(|record| attached(record)).count(), 2, "both configurations");
-    for kind in [RecordKind::Reset, RecordKind::Stop, RecordKind::Replaced] {
-        let kind = format!("\"kind\":{},", kind.code());
-        let is_one = |record: &Record<'_>| match record {
-            Record::Message { data, .. } => String::from_utf8_lossy(data).contains(&kind),
-            _ => false,
-        };
-        assert!(mcap_records(&file).iter().any(is_one), "no record with {kind}");
-    }
-    let (code, text) = replay(&file);
-    assert_eq!(code, Some(0), "{text}");
-    println!("{text}");
-    assert!(number_before(&text, " cycles, bit-identical") > 500, "{text}");
 }

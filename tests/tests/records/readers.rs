@@ -3,97 +3,105 @@
 use end_to_end::session::{
     MPC_PAPER, PAPER_SCENARIO, PATIENT, ctl_command, output, run_plant, start_daemon, with_keys, write,
 };
-use end_to_end::{Child, PATIENCE, PrivateIpc, screen};
+use end_to_end::{Child, PATIENCE, PrivateIpc, screen, undisturbed};
 use ipc_types::services::{self, Access};
 
 use crate::{paper_scenario, patient_default};
 
 #[test]
 fn a_subscriber_that_never_reads_does_not_disturb_the_daemon() {
-    let ipc = PrivateIpc::new("planar");
-    let fast =
-        [("control.sampling_time_s", "0.001"), ("control.answer_budget_s", "0.001"), ("control.spin_s", "0.0003")];
-    let config = write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &[&PATIENT[..], &fast[..]].concat()));
-    let _daemon = start_daemon(&ipc, &config);
-    let node = ipc.settings().node("test").expect("a node");
-    let service = services::record(&node, &ipc.settings().instance, Access::Open).expect("the daemon made it");
-    let records = service.subscriber().expect("a subscriber");
-    let qos = services::RECORD.qos.subscriber_max_buffer_size as u64;
-    // More cycles in free motion than the buffer holds.
-    let changes = [
-        ("timing.sampling_time_s", "0.001"),
-        ("timing.command_delay_s", "0.0005"),
-        ("motion", "[{ duration_s = 4.5, twist = [0.0, 0.01] }]"),
-        ("start.contact_time_s", "1.0"),
-    ];
-    let scenario = with_keys(PAPER_SCENARIO, &changes);
-    let scenario = scenario.replace("contact_time_s = 1.0\n", "");
-    let truths = run_plant(&ipc, &write(&ipc, "scenario.toml", &scenario), |_| {});
-    assert!(truths.len() as u64 > qos, "{} samples fit into the buffer", truths.len());
-    let (code, status) = output(ctl_command(&ipc, "status", &config).arg("--json"));
-    assert_eq!(code, Some(0), "{status}");
-    let status: serde_json::Value = serde_json::from_str(&status).expect("one JSON object");
-    let diagnostics = &status["diagnostics"];
-    assert_eq!((&diagnostics["records_dropped"], &diagnostics["fallback_count"]), (&0.into(), &0.into()), "{status}");
-    // The daemon has seen every sample that the plant has published, except those missed on a busy
-    // machine.
-    let answered =
-        diagnostics["cycles"].as_u64().expect("a number") + diagnostics["missed_count"].as_u64().expect("a number");
-    assert!(answered + 20 > truths.len() as u64, "{answered} of {}: {status}", truths.len());
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("planar");
+        let fast =
+            [("control.sampling_time_s", "0.001"), ("control.answer_budget_s", "0.001"), ("control.spin_s", "0.0003")];
+        let config = write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &[&PATIENT[..], &fast[..]].concat()));
+        let _daemon = start_daemon(&ipc, &config);
+        let node = ipc.settings().node("test").expect("a node");
+        let service = services::record(&node, &ipc.settings().instance, Access::Open).expect("the daemon made it");
+        let records = service.subscriber().expect("a subscriber");
+        let qos = services::RECORD.qos.subscriber_max_buffer_size as u64;
+        // More cycles in free motion than the buffer holds.
+        let changes = [
+            ("timing.sampling_time_s", "0.001"),
+            ("timing.command_delay_s", "0.0005"),
+            ("motion", "[{ duration_s = 4.5, twist = [0.0, 0.01] }]"),
+            ("start.contact_time_s", "1.0"),
+        ];
+        let scenario = with_keys(PAPER_SCENARIO, &changes);
+        let scenario = scenario.replace("contact_time_s = 1.0\n", "");
+        let truths = run_plant(&ipc, &write(&ipc, "scenario.toml", &scenario), |_| {});
+        assert!(truths.len() as u64 > qos, "{} samples fit into the buffer", truths.len());
+        let (code, status) = output(ctl_command(&ipc, "status", &config).arg("--json"));
+        assert_eq!(code, Some(0), "{status}");
+        let status: serde_json::Value = serde_json::from_str(&status).expect("one JSON object");
+        let diagnostics = &status["diagnostics"];
+        assert_eq!(
+            (&diagnostics["records_dropped"], &diagnostics["fallback_count"]),
+            (&0.into(), &0.into()),
+            "{status}"
+        );
+        // The daemon has seen every sample that the plant has published, except those missed on a busy
+        // machine.
+        let answered =
+            diagnostics["cycles"].as_u64().expect("a number") + diagnostics["missed_count"].as_u64().expect("a number");
+        assert!(answered + 20 > truths.len() as u64, "{answered} of {}: {status}", truths.len());
 
-    let mut sequences = Vec::new();
-    while let Ok(Some(record)) = records.receive() {
-        sequences.push(record.sequence);
-    }
-    // The newest ones, and none is missing among them; the daemon goes on while they are read.
-    assert!(sequences.len() as u64 >= qos, "{}", sequences.len());
-    assert!(sequences[0] > 1, "what overflowed is gone");
-    assert!(sequences.windows(2).all(|pair| pair[1] == pair[0] + 1), "{sequences:?}");
+        let mut sequences = Vec::new();
+        while let Ok(Some(record)) = records.receive() {
+            sequences.push(record.sequence);
+        }
+        // The newest ones, and none is missing among them; the daemon goes on while they are read.
+        assert!(sequences.len() as u64 >= qos, "{}", sequences.len());
+        assert!(sequences[0] > 1, "what overflowed is gone");
+        assert!(sequences.windows(2).all(|pair| pair[1] == pair[0] + 1), "{sequences:?}");
+    });
 }
 
 #[test]
 fn top_shows_mode_and_force_and_gives_the_terminal_back() {
-    let ipc = PrivateIpc::new("planar");
-    let config = write(&ipc, "daemon.toml", &patient_default());
-    let (code, text) = output(&mut ctl_command(&ipc, "top", &config));
-    assert_eq!((code, text.contains("admittancectl status")), (Some(64), true), "no terminal: {text}");
-    let (mut top, _terminal) = Child::spawn_on_terminal(&mut ctl_command(&ipc, "top", &config));
-    assert_eq!(top.wait_for_exit(PATIENCE).code(), Some(69), "no daemon: {}", top.stdout());
-    assert!(top.stdout().contains("is admittanced running"), "{}", top.stdout());
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("planar");
+        let config = write(&ipc, "daemon.toml", &patient_default());
+        let (code, text) = output(&mut ctl_command(&ipc, "top", &config));
+        assert_eq!((code, text.contains("admittancectl status")), (Some(64), true), "no terminal: {text}");
+        let (mut top, _terminal) = Child::spawn_on_terminal(&mut ctl_command(&ipc, "top", &config));
+        assert_eq!(top.wait_for_exit(PATIENCE).code(), Some(69), "no daemon: {}", top.stdout());
+        assert!(top.stdout().contains("is admittanced running"), "{}", top.stdout());
 
-    let _daemon = start_daemon(&ipc, &config);
-    let (mut top, mut terminal) = Child::spawn_on_terminal(&mut ctl_command(&ipc, "top", &config));
-    let (mut other, other_terminal) = Child::spawn_on_terminal(&mut ctl_command(&ipc, "top", &config));
-    for top in [&mut top, &mut other] {
-        top.wait_until("the picture", PATIENCE, |top| screen(top).0.contains("admittanced/planar  Idle"));
-        assert!(screen(top).1, "a screen of its own");
-    }
-    assert!(!terminal.echoes(), "keys are not shown");
-    let mut seen = None;
-    run_plant(&ipc, &paper_scenario(&ipc), |truth| {
-        if truth.scenario_time_s > 1.0 && seen.is_none() {
-            let (text, _) = screen(&top);
-            seen = Some(text).filter(|text| text.contains("Contact  feasible"));
+        let _daemon = start_daemon(&ipc, &config);
+        let (mut top, mut terminal) = Child::spawn_on_terminal(&mut ctl_command(&ipc, "top", &config));
+        let (mut other, other_terminal) = Child::spawn_on_terminal(&mut ctl_command(&ipc, "top", &config));
+        for top in [&mut top, &mut other] {
+            top.wait_until("the picture", PATIENCE, |top| screen(top).0.contains("admittanced/planar  Idle"));
+            assert!(screen(top).1, "a screen of its own");
+        }
+        assert!(!terminal.echoes(), "keys are not shown");
+        let mut seen = None;
+        run_plant(&ipc, &paper_scenario(&ipc), |truth| {
+            if truth.scenario_time_s > 1.0 && seen.is_none() {
+                let (text, _) = screen(&top);
+                seen = Some(text).filter(|text| text.contains("Contact  feasible"));
+            }
+        });
+        let seen = seen.expect("the contact was seen");
+        println!("{seen}");
+        // The force on y as it was shown, in newtons: pushing down, below the limit.
+        let line =
+            seen.lines().find(|line| line.contains("*y ") && line.contains("of 200.0 N")).expect("axis y in contact");
+        let force = line.split("*y ").nth(1).and_then(|rest| rest.split_whitespace().next()).expect("a number");
+        assert!((-200.0..-5.0).contains(&force.parse::<f64>().expect("a number")), "{line}");
+        for text in
+            ["N to spare on", "answer, last second", "p99.9", "fallback ", "records dropped 0", "s  Free", "s  Idle"]
+        {
+            assert!(seen.contains(text), "{text:?} is missing in\n{seen}");
+        }
+
+        terminal.keys("q");
+        assert_eq!(top.wait_for_exit(PATIENCE).code(), Some(0), "{}", top.report());
+        other.terminate();
+        assert_eq!(other.wait_for_exit(PATIENCE).code(), Some(0), "{}", other.report());
+        for (top, terminal) in [(&top, &terminal), (&other, &other_terminal)] {
+            assert!(!screen(top).1 && terminal.echoes(), "the terminal is as it was");
         }
     });
-    let seen = seen.expect("the contact was seen");
-    println!("{seen}");
-    // The force on y as it was shown, in newtons: pushing down, below the limit.
-    let line =
-        seen.lines().find(|line| line.contains("*y ") && line.contains("of 200.0 N")).expect("axis y in contact");
-    let force = line.split("*y ").nth(1).and_then(|rest| rest.split_whitespace().next()).expect("a number");
-    assert!((-200.0..-5.0).contains(&force.parse::<f64>().expect("a number")), "{line}");
-    for text in
-        ["N to spare on", "answer, last second", "p99.9", "fallback 0", "records dropped 0", "s  Free", "s  Idle"]
-    {
-        assert!(seen.contains(text), "{text:?} is missing in\n{seen}");
-    }
-
-    terminal.keys("q");
-    assert_eq!(top.wait_for_exit(PATIENCE).code(), Some(0), "{}", top.report());
-    other.terminate();
-    assert_eq!(other.wait_for_exit(PATIENCE).code(), Some(0), "{}", other.report());
-    for (top, terminal) in [(&top, &terminal), (&other, &other_terminal)] {
-        assert!(!screen(top).1 && terminal.echoes(), "the terminal is as it was");
-    }
 }

@@ -3,7 +3,7 @@
 use std::os::unix::fs::PermissionsExt;
 
 use admittance_host::clock::monotonic_ns;
-use end_to_end::session::{PAPER_SCENARIO, PATIENT, TRIES, with_keys};
+use end_to_end::session::{PAPER_SCENARIO, PATIENT, with_keys};
 use end_to_end::{PATIENCE, Systemd, wait_until};
 
 const PLANAR: &str = include_str!("../../../deploy/robots/planar.toml");
@@ -98,25 +98,17 @@ pub(crate) fn kill_and_wait_for_answer(systemd: &Systemd, restarts: u64) -> (ser
     (first, milliseconds)
 }
 
-/// Starts both units until the arm presses on the surface; false when the machine is too busy for
-/// it.
-pub(crate) fn press(systemd: &Systemd) -> bool {
-    for _ in 0..TRIES {
-        systemd.run(&format!("systemctl stop {DAEMON} {PLANT}; systemctl reset-failed; systemctl start {PLANT}"));
-        let mut mode = String::new();
-        wait_until("contact", PATIENCE, || {
-            let status = status(systemd);
-            mode = status["mode"].as_str().unwrap_or_default().to_owned();
-            // Well above the activation threshold: a restart must find it in contact.
-            let is_pressing = status["wrench"][1].as_f64().is_some_and(|force| force.abs() > 8.0);
-            mode == "Stopped" || mode == "Contact" && is_pressing
-        });
-        if mode == "Contact" {
-            return true;
-        }
-    }
-    println!("SKIPPED: machine too busy: no contact was kept in {TRIES} runs");
-    false
+/// Starts both units and waits until the arm presses on the surface.
+pub(crate) fn press(systemd: &Systemd) {
+    systemd.run(&format!("systemctl stop {DAEMON} {PLANT}; systemctl reset-failed; systemctl start {PLANT}"));
+    let mut status = serde_json::Value::Null;
+    wait_until("contact", PATIENCE, || {
+        status = self::status(systemd);
+        // Well above the activation threshold: a restart must find it in contact.
+        let is_pressing = status["wrench"][1].as_f64().is_some_and(|force| force.abs() > 8.0);
+        status["mode"] == "Stopped" || status["mode"] == "Contact" && is_pressing
+    });
+    assert_eq!(status["mode"], "Contact", "{status}");
 }
 
 pub(crate) fn status(systemd: &Systemd) -> serde_json::Value {
