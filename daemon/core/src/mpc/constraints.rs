@@ -176,6 +176,8 @@ impl Layout {
         layout
     }
 
+    // Called with constants: most of it is gone then.
+    #[inline(always)]
     fn add(&mut self, kind: RowKind, components: &[usize], first: usize, instants: usize) {
         let section = &mut self.sections[kind as usize];
         for (to, from) in section.components.iter_mut().zip(components) {

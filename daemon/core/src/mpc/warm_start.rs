@@ -117,6 +117,7 @@ impl WarmStart {
     fn is(&self, layout: &Layout, working: &[RowState]) -> bool {
         let rows = &self.rows[..self.len];
         let holds = |(row, state): &(Row, RowState)| layout.number(row).is_some_and(|number| working[number] == *state);
-        members_of(working).count() == rows.len() && rows.iter().all(holds)
+        let count = working.iter().filter(|state| **state != RowState::Inactive).count();
+        count == rows.len() && rows.iter().all(holds)
     }
 }
