@@ -322,3 +322,28 @@ fn the_c_header_compiles_and_agrees_with_the_compiler() {
     let wrong = source.replace("uint64_t boot_id;", "uint32_t boot_id;");
     assert!(compile(&wrong).expect("cc is there").is_err(), "a changed field must not compile");
 }
+
+#[test]
+fn the_tables_of_the_page_agree_with_the_schema() {
+    let page = include_str!("../../docs/wire.md");
+    let schema: Value = serde_json::from_str(&schema_json()).unwrap();
+    let list = |key: &str| schema[key].as_array().unwrap().clone();
+    let text = |value: &Value| value.as_str().unwrap().to_owned();
+    // Rows begin with a name in backquotes; the second cell follows.
+    let rows = page.lines().filter_map(|line| line.strip_prefix("| `"));
+    let rows: Vec<(String, String)> = rows
+        .map(|row| {
+            let mut cells = row.split(" | ");
+            (cells.next().unwrap().trim_end_matches('`').to_owned(), cells.next().unwrap_or("").to_owned())
+        })
+        .collect();
+    let (types, services): (Vec<_>, Vec<_>) = rows.into_iter().partition(|(name, _)| name.starts_with("admittanced."));
+
+    let types: Vec<_> = types.into_iter().map(|(name, size)| (name, size.trim_end_matches(" |").to_owned())).collect();
+    let expected: Vec<_> = list("types").iter().map(|of| (text(&of["type_name"]), of["size"].to_string())).collect();
+    assert_eq!(types, expected);
+    let expected: Vec<_> =
+        list("services").iter().map(|of| (text(&of["name"]), text(&of["messaging_pattern"]))).collect();
+    assert_eq!(services, expected);
+    assert!(page.contains(&format!("`SCHEMA_VERSION` ({})", schema["schema_version"])));
+}

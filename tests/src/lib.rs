@@ -13,6 +13,7 @@ mod machine;
 mod needs;
 mod private_ipc;
 pub mod session;
+mod stepped_clock;
 mod systemd;
 mod terminal;
 
@@ -21,5 +22,6 @@ pub use child::{Child, PATIENCE, wait_until};
 pub use machine::undisturbed;
 pub use needs::{ICEORYX2_PYTHON_VERSION, MCAP_PYTHON_VERSION, Need, needs, python};
 pub use private_ipc::PrivateIpc;
+pub use stepped_clock::SteppedClock;
 pub use systemd::Systemd;
 pub use terminal::{Terminal, screen};

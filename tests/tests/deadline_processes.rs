@@ -3,14 +3,14 @@
 //! and over when its cause is.
 
 use std::cell::Cell;
-use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{PoisonError, RwLock};
+use std::time::Duration;
 
 use admittance_host::clock::monotonic_ns;
 use admittance_host::realtime::{RealtimeSection, StepOutcome, apply_to_thread};
 use end_to_end::closed_loop::MPC_DEFAULT;
 use end_to_end::session::{PAPER_SCENARIO, PATIENT, drive_plant, start_daemon, with_keys, write};
-use end_to_end::{Child, Need, PATIENCE, PrivateIpc, needs, undisturbed};
+use end_to_end::{Child, Need, PATIENCE, PrivateIpc, SteppedClock, needs, undisturbed};
 use ipc_types::services::{self, Access};
 use ipc_types::{CommandSample, Mode, Motion, Source, StopReason, TruthSample};
 
@@ -49,13 +49,19 @@ impl Run {
     }
 }
 
-/// Daemons of the same priority on one processor, and a hog, would be each other's disturbance.
-static ALONE: Mutex<()> = Mutex::new(());
+/// Held for writing by the one run with a hog, which would disturb every other daemon of its
+/// priority.
+static HOG: RwLock<()> = RwLock::new(());
 
 /// Runs the scenario to its end; `each` sees the truth and may do something to the daemon and the
 /// plant.
-fn run(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mut Child, &TruthSample)) -> Run {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+fn run(config: &str, scenario: &str, each: impl FnMut(&mut Child, &mut Child, &TruthSample)) -> Run {
+    let _no_hog = HOG.read().unwrap_or_else(PoisonError::into_inner);
+    run_beside(config, scenario, each)
+}
+
+/// As [`run`], beside whatever the caller lets run.
+fn run_beside(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mut Child, &TruthSample)) -> Run {
     let ipc = PrivateIpc::new("planar");
     let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", config));
     let node = ipc.settings().node("watcher").expect("a node");
@@ -185,7 +191,8 @@ fn a_hog_at_the_same_priority_is_borne_and_counted() {
             require_realtime: true,
         };
         let mut now = once(1.4);
-        let run = run(&config(&PATIENT), &scenario(&[]), |_, _, truth| {
+        let _alone = HOG.write().unwrap_or_else(PoisonError::into_inner);
+        let run = run_beside(&config(&PATIENT), &scenario(&[]), |_, _, truth| {
             if now(truth) {
                 let section = section.clone();
                 let hog = std::thread::spawn(move || {
@@ -256,41 +263,6 @@ fn a_sample_later_than_allowed_stops_with_its_reason() {
         assert!(run.log.contains("Stopped: SampleStale"), "{}", run.log);
         assert_eq!(run.last().motion, Motion::Hold.code());
     });
-}
-
-/// Steps CLOCK_REALTIME back and forth while it lives.
-struct SteppedClock {
-    before: i128,
-    since: Instant,
-}
-
-fn realtime_ns() -> i128 {
-    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: `time` is valid for writing.
-    unsafe { libc::clock_gettime(libc::CLOCK_REALTIME, &raw mut time) };
-    i128::from(time.tv_sec) * 1_000_000_000 + i128::from(time.tv_nsec)
-}
-
-fn set_realtime_ns(time: i128) -> bool {
-    let time = libc::timespec {
-        tv_sec: (time / 1_000_000_000) as libc::time_t,
-        tv_nsec: (time % 1_000_000_000) as libc::c_long,
-    };
-    // SAFETY: `time` is valid for reading.
-    unsafe { libc::clock_settime(libc::CLOCK_REALTIME, &raw const time) == 0 }
-}
-
-impl SteppedClock {
-    fn by_seconds(step: i128) -> Option<Self> {
-        let (before, since) = (realtime_ns(), Instant::now());
-        set_realtime_ns(before + step * 1_000_000_000).then_some(Self { before, since })
-    }
-}
-
-impl Drop for SteppedClock {
-    fn drop(&mut self) {
-        set_realtime_ns(self.before + self.since.elapsed().as_nanos() as i128);
-    }
 }
 
 #[test]

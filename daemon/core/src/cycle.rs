@@ -133,7 +133,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             singular: mode.singular(),
             verdict: predicted.verdict,
             iterations: predicted.iterations,
-            expired_at: predicted.expired_at,
+            expired_iteration: predicted.expired_iteration,
             active_axes: self.belief.contact().mask(),
             wrench: intake.last().filter(|_| fault.is_none()).map(|last| last.wrench),
             wrong_rate: intake.wrong_rate(),
@@ -205,12 +205,12 @@ struct Predicted<const N: usize, const D: usize> {
     movement: Option<Movement<N, D>>,
     verdict: Verdict,
     iterations: u32,
-    expired_at: Option<u32>,
+    expired_iteration: Option<u32>,
 }
 
 impl<const N: usize, const D: usize> Predicted<N, D> {
     fn nothing() -> Self {
-        Self { movement: None, verdict: Verdict::None, iterations: 0, expired_at: None }
+        Self { movement: None, verdict: Verdict::None, iterations: 0, expired_iteration: None }
     }
 }
 
@@ -244,7 +244,7 @@ fn predict<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>>(
         if supervisor.conclude(task, &solution, sample.stamp) {
             continue;
         }
-        (predicted.iterations, predicted.expired_at) = (solution.iterations(), solution.expired_at());
+        (predicted.iterations, predicted.expired_iteration) = (solution.iterations(), solution.expired_iteration());
         let surface = belief.surface();
         predicted.movement = Some(match (solution, task) {
             (Solution::Planned { plan, .. }, Task::Press) => output.follow(plan, Source::Mpc, sample),

@@ -46,7 +46,7 @@ pub struct Outcome<const N: usize, const D: usize> {
     /// Iterations of the solver.
     pub iterations: u32,
     /// The iteration at which `expired` answered true.
-    pub expired_at: Option<u32>,
+    pub expired_iteration: Option<u32>,
     /// The belief about the surface after this cycle.
     pub belief: Snapshot,
     /// Running counts.

@@ -26,7 +26,7 @@ pub struct CycleReport {
     /// Iterations of the solver.
     pub iterations: u32,
     /// The iteration at which time was up.
-    pub expired_at: Option<u32>,
+    pub expired_iteration: Option<u32>,
     /// Whether a limit had to cut the offset after the law.
     pub limited: bool,
     /// Mean spacing of the samples in s, while it differs from the sampling time.
@@ -228,7 +228,7 @@ fn report<const N: usize, const D: usize>(answer: &CycleOutput<'_, N, D>) -> Cyc
     CycleReport {
         fault: outcome.fault,
         iterations: outcome.iterations,
-        expired_at: outcome.expired_at,
+        expired_iteration: outcome.expired_iteration,
         limited: outcome.movement.limited,
         wrong_rate: outcome.wrong_rate,
         singular: outcome.singular,

@@ -61,7 +61,7 @@ fn the_answer_is_the_plan_until_the_mpc_ends_in_time() {
         for asked in 0..=answered.report.iterations + 2 {
             let run = cut_short(&experiment, cycle, 1, asked);
             let at = &run.instants[cycle];
-            match at.report.expired_at {
+            match at.report.expired_iteration {
                 Some(iteration) => {
                     // The solver asks once before it begins, then before every iteration.
                     assert_eq!(iteration, asked.saturating_sub(1), "cycle {cycle}");
@@ -194,7 +194,7 @@ fn a_slow_solver_answers_what_it_can() {
         let mut by_mpc = 0;
         let mut fallbacks = 0;
         for at in run.instants.iter().filter(|at| at.is_in(Mode::Contact)) {
-            match at.report.expired_at {
+            match at.report.expired_iteration {
                 Some(iteration) => {
                     assert_eq!(iteration, iterations, "cut where its time is up");
                     assert_ne!(source(at), Source::Mpc.code(), "no answer that did not end in time");

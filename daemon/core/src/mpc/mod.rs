@@ -199,7 +199,7 @@ impl<P> Solution<P> {
     }
 
     /// The iteration at which time was up.
-    pub(crate) fn expired_at(&self) -> Option<u32> {
+    pub(crate) fn expired_iteration(&self) -> Option<u32> {
         matches!(self, Self::Expired { .. }).then_some(self.iterations())
     }
 

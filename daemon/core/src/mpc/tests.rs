@@ -74,8 +74,9 @@ fn the_same_problem_has_the_same_solution_warm_or_cold() {
 #[test]
 fn without_time_there_is_no_answer_and_the_next_one_is_not_worse_for_it() {
     let mut mpc = mpc();
-    let expired =
-        solved(&mut mpc, 60.0, 0.05, |mpc, situation| mpc.press(situation, &demand(), &mut || true).expired_at());
+    let expired = solved(&mut mpc, 60.0, 0.05, |mpc, situation| {
+        mpc.press(situation, &demand(), &mut || true).expired_iteration()
+    });
     assert_eq!(expired, Some(0));
     assert!(matches!(press(&mut mpc, 60.0, 0.05), Solution::Planned { .. }));
 }

@@ -66,7 +66,13 @@ impl<const D: usize> Supervisor<D> {
             SampleFault::Silence => Cause::Silence,
             SampleFault::Stale { .. } => Cause::SampleStale,
             SampleFault::JointCount { .. } => Cause::JointCount,
-            _ => Cause::SampleInvalid,
+            SampleFault::NotFinite { .. }
+            | SampleFault::Implausible { .. }
+            | SampleFault::WrenchInvalid
+            | SampleFault::WrenchSaturated { .. }
+            | SampleFault::FromFuture { .. }
+            | SampleFault::OutOfOrder { .. }
+            | SampleFault::Jump { .. } => Cause::SampleInvalid,
         };
         let plan_lasts = self.settings.timing.bridge();
         let is_bridged = silence.is_some_and(|silence| silence <= plan_lasts);

@@ -53,7 +53,7 @@ fn without_an_answer_the_plan_goes_on_and_one_too_many_stops() {
                 "{cause:?}, {cycle}"
             );
             assert_eq!(outcome.verdict, Verdict::None, "{cause:?}: nothing is proven");
-            assert_eq!(outcome.expired_at, (cause == Script::Expire).then_some(3), "{cause:?}");
+            assert_eq!(outcome.expired_iteration, (cause == Script::Expire).then_some(3), "{cause:?}");
             if cycle <= 3 {
                 assert_eq!((outcome.mode, outcome.stop_reason), (Mode::Contact, None), "{cause:?}, {cycle}");
             } else {
@@ -89,7 +89,7 @@ fn time_that_is_up_before_the_optimisation_counts_as_expired() {
     let sample = contact(3);
     let outcome = controller.step(Event::Sample(&sample), sample.stamp, &mut || true);
     assert_eq!(
-        (outcome.movement.source, outcome.movement.velocity_offset, outcome.expired_at),
+        (outcome.movement.source, outcome.movement.velocity_offset, outcome.expired_iteration),
         (Source::Plan, plan[1], Some(0))
     );
 }
