@@ -4,6 +4,7 @@
 use std::fmt::{self, Display, Formatter};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -40,14 +41,18 @@ impl Witness {
     pub(crate) fn new() -> Self {
         let (end, taken_ns, delayed_ns) = (Arc::default(), Arc::default(), Arc::default());
         let processors = std::thread::available_parallelism().map_or(1, usize::from) as u32;
-        let priorities = (0..processors).map(|cpu| (PRIORITY, Some(cpu), &taken_ns));
-        let threads = priorities
+        let on_each = (0..processors).map(|cpu| (PRIORITY, Some(cpu), &taken_ns));
+        // Nothing is missed before the last of them looks at the clock.
+        let (ready, all_ready) = std::sync::mpsc::channel();
+        let threads = on_each
             .chain([(0, None, &delayed_ns)])
             .map(|(priority, cpu, most_ns)| {
-                let (end, most_ns) = (Arc::clone(&end), Arc::clone(most_ns));
-                std::thread::spawn(move || watch(priority, cpu, &end, &most_ns))
+                let (end, most_ns, ready) = (Arc::clone(&end), Arc::clone(most_ns), ready.clone());
+                std::thread::spawn(move || watch(priority, cpu, ready, &end, &most_ns))
             })
             .collect();
+        drop(ready);
+        all_ready.iter().for_each(drop);
         Self { end, taken_ns, delayed_ns, noted: Mutex::default(), threads }
     }
 
@@ -100,12 +105,13 @@ impl Drop for Witness {
     }
 }
 
-fn watch(priority: u32, cpu: Option<u32>, end: &AtomicBool, most_ns: &AtomicU64) {
+fn watch(priority: u32, cpu: Option<u32>, ready: Sender<()>, end: &AtomicBool, most_ns: &AtomicU64) {
     let section =
         RealtimeSection { lock_memory: false, priority, cpu, cpu_dma_latency_us: None, require_realtime: false };
     // Without the permission all of them are as late as threads of normal priority.
     apply_to_thread(&section);
     let mut before = monotonic_ns();
+    drop(ready);
     while !end.load(Ordering::Relaxed) {
         std::thread::sleep(PERIOD);
         let now = monotonic_ns();
