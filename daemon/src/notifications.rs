@@ -17,12 +17,15 @@ impl Notifications {
         Self { listener }
     }
 
-    /// Blocks until there is a notification, for `timeout` ns at most. Returns whether to look for a
-    /// sample: there was a notification, perhaps that of a sample that was taken already.
+    /// Blocks until there is a notification, for `timeout` ns at most. Returns whether there may be
+    /// a sample: the notification is perhaps that of one that was taken already.
+    ///
+    /// One may still be missed, when its notifier stands still between two instructions while this
+    /// looks twice: a caller that must not be late by the whole timeout gives a shorter one.
     pub(crate) fn block(&self, timeout: u64) -> bool {
         let begun = monotonic_ns();
         // A listener that has been notified and has not taken that yet is not sent anything more.
-        // One that comes while iceoryx2 takes another leaves exactly that, with an empty socket: to
+        // A notification in the middle of a take can leave exactly that, with an empty socket: to
         // wait on it then would be to miss all that follow. So it is waited for only after a look
         // that found nothing.
         match self.listener.try_wait(|_| {}) {
@@ -34,17 +37,23 @@ impl Notifications {
         // outlives the call.
         let descriptor = unsafe { self.listener.file_descriptor().native_handle() };
         let mut descriptor = libc::pollfd { fd: descriptor, events: libc::POLLIN, revents: 0 };
+        let left = timeout.saturating_sub(monotonic_ns() - begun);
         let limit = libc::timespec {
-            tv_sec: (timeout / 1_000_000_000) as libc::time_t,
-            tv_nsec: (timeout % 1_000_000_000) as libc::c_long,
+            tv_sec: (left / 1_000_000_000) as libc::time_t,
+            tv_nsec: (left % 1_000_000_000) as libc::c_long,
         };
         // SAFETY: one descriptor and a time limit, valid for the call; the signal mask stays as it
         // is.
         let found = unsafe { libc::ppoll(&raw mut descriptor, 1, &raw const limit, std::ptr::null()) };
-        if found < 0 && std::io::Error::last_os_error().kind() != std::io::ErrorKind::Interrupted {
-            return give_up(begun, timeout);
+        let is_interrupted = || std::io::Error::last_os_error().kind() == std::io::ErrorKind::Interrupted;
+        match found {
+            0 => false,
+            // Nothing to take, and never will be.
+            1.. if descriptor.revents & libc::POLLIN == 0 => give_up(begun, timeout),
+            1.. => true,
+            _ if is_interrupted() => true,
+            _ => give_up(begun, timeout),
         }
-        found > 0
     }
 }
 

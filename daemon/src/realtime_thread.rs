@@ -239,8 +239,10 @@ impl<P: Probe> Loop<'_, P> {
                 }
             }
         }
-        // Notified or not: the next turn looks for a sample, and at the clock.
-        let _ = self.ports.arrivals.block(self.timing.max_sample_age.saturating_sub(now - last_event));
+        // Notified or not: the next turn looks for a sample, and at the clock. Two cycles at most,
+        // so that a notification that is missed costs no more than one late answer.
+        let silent = self.timing.max_sample_age.saturating_sub(now - last_event);
+        let _ = self.ports.arrivals.block(silent.min(2 * self.timing.sampling_time));
     }
 
     fn publish(&mut self, slot: Option<Slot<CommandSample>>, received: u64, asked: u64) {

@@ -1,6 +1,6 @@
 //! The service thread: signals, [requests](crate::requests), log, records and diagnostics,
-//! watchdog. Runs as the process was started, its own node; it never touches the real-time thread except through
-//! the rings.
+//! watchdog. Runs as the process was started, its own node; it never touches the real-time thread
+//! except through the rings.
 
 use std::path::PathBuf;
 use std::time::Duration;

@@ -67,7 +67,7 @@ pub const STATE_ARRIVAL: ServiceSpec<EventQos> = ServiceSpec {
 /// Command samples.
 pub const COMMAND: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
     name: "command",
-    meaning: "One command sample per state sample; while stopped it is repeated every cycle.",
+    meaning: "One command sample per state sample, and one per max_sample_age_s of silence.",
     creator: "whoever of admittanced and the motion controller starts first",
     program: "admittanced",
     writer: "admittanced",
@@ -130,7 +130,7 @@ pub const DIAGNOSTICS: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
 /// Requests to the daemon.
 pub const REQUEST: ServiceSpec<RequestResponseQos> = ServiceSpec {
     name: "request",
-    meaning: "Status and reset; one response per request. A client gives up by its own clock: a stopped server \
+    meaning: "What an operator asks of the daemon, see RequestKind; one response per request. A client gives up by its own clock: a stopped server \
               answers nothing.",
     creator: "admittanced",
     program: "admittanced",

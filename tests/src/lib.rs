@@ -19,7 +19,7 @@ mod terminal;
 
 pub use binaries::{Binaries, binaries};
 pub use child::{Child, PATIENCE, wait_until};
-pub use machine::undisturbed;
+pub use machine::{certain, undisturbed};
 pub use needs::{ICEORYX2_PYTHON_VERSION, MCAP_PYTHON_VERSION, Need, needs, python};
 pub use private_ipc::PrivateIpc;
 pub use stepped_clock::SteppedClock;

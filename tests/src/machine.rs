@@ -1,16 +1,18 @@
 //! What the machine does to a run in real time: a witness beside it, and another try for what the
 //! machine has spoilt.
 
+use std::cell::{Cell, RefCell};
 use std::fmt::{self, Display, Formatter};
+use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use admittance_host::clock::monotonic_ns;
-use admittance_host::realtime::{RealtimeSection, apply_to_thread};
+use admittance_host::realtime::{RealtimeSection, StepOutcome, apply_to_thread};
 
 /// Runs that the machine may spoil.
 const TRIES: usize = 10;
@@ -21,63 +23,93 @@ const PRIORITY: u32 = 95;
 /// A processor that is taken away for this long (ns) makes an answer late: commands act after a
 /// millisecond, and the tests' builds need half of it.
 const TAKEN_NS: u64 = 500_000;
-/// Plants and observers run at normal priority: one cycle (ns) is missed.
+/// Observers and some plants run at normal priority: a cycle of 4 ms (ns) passes without them.
 const DELAYED_NS: u64 = 4_000_000;
+
+thread_local! {
+    /// What the run on this thread has noted itself.
+    static NOTED: RefCell<Option<String>> = const { RefCell::new(None) };
+    /// The run on this thread checks what no machine excuses.
+    static CERTAIN: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Notes a disturbance that the run on this thread has seen itself.
+pub(crate) fn note(disturbance: String) {
+    NOTED.set(Some(disturbance));
+}
+
+/// A failure in `check` fails the test, whatever the machine did.
+pub fn certain<T>(check: impl FnOnce() -> T) -> T {
+    CERTAIN.set(true);
+    let value = check();
+    CERTAIN.set(false);
+    value
+}
+
+/// What the threads of a [`Witness`] see.
+#[derive(Debug, Default)]
+struct Latest {
+    /// Longest time in ns for which a processor was taken away.
+    taken_ns: AtomicU64,
+    /// Longest delay in ns of a thread at normal priority.
+    delayed_ns: AtomicU64,
+    /// A thread did not get its priority or processor: its delays say nothing of a processor.
+    is_refused: AtomicBool,
+    end: AtomicBool,
+}
 
 /// Sees how late threads wake up that do nothing else: one on each processor at a priority above
 /// every program of the tests, which is late only when the processor itself was taken away, and one
-/// at normal priority, as a plant or an observer has it.
+/// at normal priority.
 #[derive(Debug)]
-pub(crate) struct Witness {
-    end: Arc<AtomicBool>,
-    taken_ns: Arc<AtomicU64>,
-    delayed_ns: Arc<AtomicU64>,
-    noted: Mutex<Option<String>>,
+struct Witness {
+    latest: Arc<Latest>,
     threads: Vec<JoinHandle<()>>,
 }
 
 impl Witness {
-    /// Watches from now on until it is dropped.
-    pub(crate) fn new() -> Self {
-        let (end, taken_ns, delayed_ns) = (Arc::default(), Arc::default(), Arc::default());
+    /// Watches from now on.
+    fn new() -> Self {
+        let latest = Arc::<Latest>::default();
         let processors = std::thread::available_parallelism().map_or(1, usize::from) as u32;
-        let on_each = (0..processors).map(|cpu| (PRIORITY, Some(cpu), &taken_ns));
         // Nothing is missed before the last of them looks at the clock.
         let (ready, all_ready) = std::sync::mpsc::channel();
-        let threads = on_each
-            .chain([(0, None, &delayed_ns)])
-            .map(|(priority, cpu, most_ns)| {
-                let (end, most_ns, ready) = (Arc::clone(&end), Arc::clone(most_ns), ready.clone());
-                std::thread::spawn(move || watch(priority, cpu, ready, &end, &most_ns))
+        let threads = (0..processors)
+            .map(Some)
+            .chain([None])
+            .map(|cpu| {
+                let (latest, ready) = (Arc::clone(&latest), ready.clone());
+                std::thread::spawn(move || watch(cpu, ready, &latest))
             })
             .collect();
         drop(ready);
         all_ready.iter().for_each(drop);
-        Self { end, taken_ns, delayed_ns, noted: Mutex::default(), threads }
-    }
-
-    /// Notes a disturbance that the run itself has seen.
-    pub(crate) fn note(&self, disturbance: String) {
-        *self.noted.lock().unwrap_or_else(PoisonError::into_inner) = Some(disturbance);
+        Self { latest, threads }
     }
 
     /// What the machine did up to now that may spoil a run; `None` when it did nothing of the kind.
-    pub(crate) fn disturbance(&self) -> Option<Disturbance> {
-        let [taken, delayed] = [&self.taken_ns, &self.delayed_ns].map(|most| most.load(Ordering::Relaxed));
+    fn disturbance(self) -> Option<Disturbance> {
+        self.latest.end.store(true, Ordering::Relaxed);
+        for thread in self.threads {
+            // Each looks at the clock once more.
+            let _ = thread.join();
+        }
+        let [taken, delayed] = [&self.latest.taken_ns, &self.latest.delayed_ns].map(|ns| ns.load(Ordering::Relaxed));
         let text = if taken > TAKEN_NS {
             format!("the machine took a processor away for {:.1} ms", taken as f64 / 1e6)
         } else if delayed > DELAYED_NS {
             format!("a thread of normal priority woke up {:.1} ms late", delayed as f64 / 1e6)
         } else {
-            self.noted.lock().unwrap_or_else(PoisonError::into_inner).clone()?
+            NOTED.take()?
         };
-        Some(Disturbance { text, is_hopeless: taken > DELAYED_NS })
+        let is_hopeless = taken > DELAYED_NS && !self.latest.is_refused.load(Ordering::Relaxed);
+        Some(Disturbance { text, is_hopeless })
     }
 }
 
 /// What the machine did to a run.
 #[derive(Debug, Clone)]
-pub(crate) struct Disturbance {
+struct Disturbance {
     text: String,
     /// No program can be on time: a processor was away for a whole cycle.
     is_hopeless: bool,
@@ -89,30 +121,18 @@ impl Display for Disturbance {
     }
 }
 
-impl Default for Witness {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl Drop for Witness {
-    fn drop(&mut self) {
-        self.end.store(true, Ordering::Relaxed);
-        for thread in self.threads.drain(..) {
-            // It only looks at the clock.
-            let _ = thread.join();
-        }
-    }
-}
-
-fn watch(priority: u32, cpu: Option<u32>, ready: Sender<()>, end: &AtomicBool, most_ns: &AtomicU64) {
+/// Watches a processor, or how threads at normal priority fare.
+fn watch(cpu: Option<u32>, ready: Sender<()>, latest: &Latest) {
+    let priority = if cpu.is_some() { PRIORITY } else { 0 };
     let section =
         RealtimeSection { lock_memory: false, priority, cpu, cpu_dma_latency_us: None, require_realtime: false };
-    // Without the permission all of them are as late as threads of normal priority.
-    apply_to_thread(&section);
+    if apply_to_thread(&section).iter().any(|report| matches!(report.outcome, StepOutcome::Refused(_))) {
+        latest.is_refused.store(true, Ordering::Relaxed);
+    }
+    let most_ns = if cpu.is_some() { &latest.taken_ns } else { &latest.delayed_ns };
     let mut before = monotonic_ns();
     drop(ready);
-    while !end.load(Ordering::Relaxed) {
+    while !latest.end.load(Ordering::Relaxed) {
         std::thread::sleep(PERIOD);
         let now = monotonic_ns();
         most_ns.fetch_max((now - before).saturating_sub(PERIOD.as_nanos() as u64), Ordering::Relaxed);
@@ -139,37 +159,41 @@ impl Verdict {
     }
 }
 
-/// Runs a test in real time; when it fails, and a [`Witness`] saw that the machine disturbed it,
-/// once more. A run that fails undisturbed fails the test, and so does the tenth that fails. `None`,
-/// and SKIPPED is said, only when the machine took a processor away for a cycle or longer in all ten.
+/// Says something about a passing test as well, of which the harness shows nothing.
+fn say(text: &str) {
+    let test = std::thread::current().name().unwrap_or("test").to_owned();
+    // A closed stderr is no reason to fail.
+    let _ = writeln!(std::io::stderr(), "{text} ({test})");
+}
+
+/// Runs a test in real time; when it fails, and a witness saw that the machine disturbed it, once
+/// more. A run that fails undisturbed fails the test, and so does the tenth that fails. `None`, and
+/// SKIPPED is said, only when the machine took a processor away for a cycle or longer in all ten.
 ///
 /// # Panics
 /// As the last run does.
 pub fn undisturbed<T>(mut run: impl FnMut() -> T) -> Option<T> {
-    undisturbed_beside(|_| run())
-}
-
-/// As [`undisturbed`], of a run that may [`Witness::note`] what it sees itself.
-///
-/// # Panics
-/// As the last run does.
-pub(crate) fn undisturbed_beside<T>(mut run: impl FnMut(&Witness) -> T) -> Option<T> {
     let mut runs = Vec::new();
     loop {
+        NOTED.set(None);
+        CERTAIN.set(false);
         let witness = Witness::new();
-        let failure = match catch_unwind(AssertUnwindSafe(|| run(&witness))) {
+        let result = catch_unwind(AssertUnwindSafe(&mut run));
+        let disturbance = witness.disturbance();
+        let failure = match result {
             Ok(value) => return Some(value),
+            Err(failure) if CERTAIN.get() => resume_unwind(failure),
             Err(failure) => failure,
         };
-        runs.push(witness.disturbance());
+        runs.push(disturbance);
         if let Some(Some(disturbance)) = runs.last() {
-            println!("run {} failed, and {disturbance}", runs.len());
+            say(&format!("run {} failed, and {disturbance}", runs.len()));
         }
         match Verdict::of(&runs) {
             Verdict::Fail => resume_unwind(failure),
             Verdict::Again => {}
             Verdict::Skip => {
-                println!("SKIPPED: machine too busy: it took a processor away for a cycle or longer in {TRIES} runs");
+                say(&format!("SKIPPED: machine too busy: a processor was away for a cycle or longer in {TRIES} runs"));
                 return None;
             }
         }
@@ -214,6 +238,15 @@ mod tests {
             runs
         });
         assert_eq!(result, Some(2));
+        let mut runs = 0;
+        let result = catch_unwind(AssertUnwindSafe(|| {
+            undisturbed(|| {
+                runs += 1;
+                take_processor(Duration::from_millis(20));
+                certain(|| assert!(runs > 1, "whatever the machine does"));
+            })
+        }));
+        assert!(result.is_err() && runs == 1, "no machine excuses that");
     }
 
     #[test]

@@ -141,6 +141,11 @@ pub fn drive_plant(
         }
         if let Some(status) = ended {
             assert!(status.success(), "{}", plant.report());
+            let missed = series.iter().filter(|truth: &&TruthSample| truth.missed == 1 && truth.scenario_time_s >= 0.0);
+            let missed = missed.count();
+            if missed > 0 {
+                crate::machine::note(format!("{missed} commands were missed"));
+            }
             return series;
         }
         std::thread::sleep(Duration::from_millis(5));

@@ -49,18 +49,23 @@ impl Run {
     }
 }
 
-/// Held for writing by the one run with a hog, which would disturb every other daemon of its
-/// priority.
-static HOG: RwLock<()> = RwLock::new(());
+/// Daemons of one priority share a processor. Held for writing by a run with a hog, and by those
+/// that bear nothing: as shipped, a millisecond is all that there is for an answer.
+static PROCESSOR: RwLock<()> = RwLock::new(());
 
 /// Runs the scenario to its end; `each` sees the truth and may do something to the daemon and the
 /// plant.
 fn run(config: &str, scenario: &str, each: impl FnMut(&mut Child, &mut Child, &TruthSample)) -> Run {
-    let _no_hog = HOG.read().unwrap_or_else(PoisonError::into_inner);
+    let _shared = PROCESSOR.read().unwrap_or_else(PoisonError::into_inner);
     run_beside(config, scenario, each)
 }
 
-/// As [`run`], beside whatever the caller lets run.
+/// As [`run`], with the processor to itself.
+fn run_alone(config: &str, scenario: &str, each: impl FnMut(&mut Child, &mut Child, &TruthSample)) -> Run {
+    let _alone = PROCESSOR.write().unwrap_or_else(PoisonError::into_inner);
+    run_beside(config, scenario, each)
+}
+
 fn run_beside(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mut Child, &TruthSample)) -> Run {
     let ipc = PrivateIpc::new("planar");
     let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", config));
@@ -137,7 +142,7 @@ fn a_controller_that_is_stopped_in_contact_is_a_latched_stop() {
     undisturbed(|| {
         let mut now = once(1.4);
         // As shipped: what counts as stale is part of this test.
-        let run = run(&config(&[]), &scenario(&[]), |_, plant, truth| {
+        let run = run_alone(&config(&[]), &scenario(&[]), |_, plant, truth| {
             if now(truth) {
                 stop_for(plant, Duration::from_millis(400));
             }
@@ -154,8 +159,8 @@ fn a_controller_that_is_stopped_in_contact_is_a_latched_stop() {
 #[test]
 fn a_daemon_that_is_stopped_goes_on_where_the_arm_is() {
     undisturbed(|| {
-        // Commands are valid for 84 ms here: the plan bridges the first time, and the plant holds the
-        // arm the second.
+        // Commands are valid for 84 ms here: the plan bridges the first time, and the plant holds
+        // the arm the second.
         for (stopped, holds) in [(40, false), (400, true)] {
             let mut now = once(1.4);
             let run = run(&config(&PATIENT), &scenario(&[]), |daemon, _, truth| {
@@ -191,8 +196,7 @@ fn a_hog_at_the_same_priority_is_borne_and_counted() {
             require_realtime: true,
         };
         let mut now = once(1.4);
-        let _alone = HOG.write().unwrap_or_else(PoisonError::into_inner);
-        let run = run_beside(&config(&PATIENT), &scenario(&[]), |_, _, truth| {
+        let run = run_alone(&config(&PATIENT), &scenario(&[]), |_, _, truth| {
             if now(truth) {
                 let section = section.clone();
                 let hog = std::thread::spawn(move || {
@@ -258,7 +262,7 @@ fn samples_late_by_one_to_five_periods_are_answered_by_the_plan() {
 fn a_sample_later_than_allowed_stops_with_its_reason() {
     undisturbed(|| {
         let fault = "[{ at_s = 1.4, duration_s = 0.24, kind = \"late\" }]";
-        let run = run(&config(&[]), &scenario(&[("fault", fault)]), |_, _, _| {});
+        let run = run_alone(&config(&[]), &scenario(&[("fault", fault)]), |_, _, _| {});
         assert_quiet_until(&run, 1.39);
         assert!(run.log.contains("Stopped: SampleStale"), "{}", run.log);
         assert_eq!(run.last().motion, Motion::Hold.code());

@@ -11,8 +11,8 @@ use end_to_end::fault_matrix::row::{Row, Situation};
 use end_to_end::fault_matrix::{page, rows, run};
 use libtest_mimic::{Arguments, Failed, Trial};
 
-/// Rows at a time: each is three real-time programs that mostly wait.
-const THREADS: usize = 3;
+/// Rows at a time: each is three real-time programs.
+const THREADS: usize = 2;
 
 fn main() -> ExitCode {
     let mut arguments = Arguments::from_args();

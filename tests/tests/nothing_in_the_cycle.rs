@@ -15,7 +15,7 @@ use admittance_runner::cycle;
 use admittanced::probe::{ObservedThread, Probe};
 use end_to_end::closed_loop::{Experiment, MPC_DEFAULT};
 use end_to_end::session::{PAPER_SCENARIO, PATIENT, run_plant, start_daemon, wait_for_log, with_keys, write};
-use end_to_end::{Child, Need, PATIENCE, PrivateIpc, needs, undisturbed};
+use end_to_end::{Child, Need, PATIENCE, PrivateIpc, certain, needs, undisturbed};
 use ipc_types::services::{self, Access};
 use ipc_types::{CommandSample, Mode, Motion, TruthSample};
 use plant_sim::plant::CycleTiming;
@@ -271,7 +271,7 @@ fn contact_takes_no_page_fault() {
         let (first, last) = (readings[0], readings[readings.len() - 1]);
         println!("{first:?} at first contact, {last:?} after {} cycles", readings.len());
         assert!(readings.len() > 200, "{} cycles in contact", readings.len());
-        assert!(readings.iter().all(|faults| *faults == first), "{readings:?}");
+        certain(|| assert!(readings.iter().all(|faults| *faults == first), "{readings:?}"));
     });
 }
 
@@ -320,22 +320,25 @@ fn the_real_time_thread_only_waits_and_notifies() {
         if !needs(Need::Strace) || !needs(Need::Root) {
             return;
         }
-        // Largest number of each that a cycle needs: to block, to take the notification and see that it
-        // was the last, and again that none has come meanwhile, to notify. `hybrid` comes to blocking
-        // only when a sample is late.
-        let event = &[("ppoll", 1), ("recvfrom", 4), ("sendto", 1)][..];
+        // Largest number of each that a cycle needs: to block, to take the notification and see
+        // that it was the last, and again that none has come meanwhile, to notify. `hybrid` comes
+        // to blocking only when a sample is late.
+        let event = &[("ppoll", 1), ("recvfrom", 3), ("sendto", 1)][..];
         for (wait, accepted) in [("event", event), ("hybrid", &[event, &[("clock_nanosleep", 1)]].concat())] {
             let (calls, cycles) = system_calls(wait);
             println!("{wait}: {calls:?} in {cycles} cycles");
             assert!(cycles >= 100, "{cycles} cycles watched");
             let total: usize = calls.values().sum();
             assert!(total > 0, "strace saw nothing");
-            for (name, count) in &calls {
-                let most = accepted.iter().find(|(accepted, _)| accepted == name).map(|(_, most)| most * cycles);
-                let most = most.unwrap_or_else(|| panic!("{wait}: {name} is neither waiting nor notifying: {calls:?}"));
-                // strace comes and goes in the middle of a cycle.
-                assert!(*count <= most + most / 10 + 20, "{wait}: {count} times {name} in {cycles} cycles");
-            }
+            certain(|| {
+                for (name, count) in &calls {
+                    let most = accepted.iter().find(|(accepted, _)| accepted == name).map(|(_, most)| most * cycles);
+                    let most =
+                        most.unwrap_or_else(|| panic!("{wait}: {name} is neither waiting nor notifying: {calls:?}"));
+                    // strace comes and goes in the middle of a cycle.
+                    assert!(*count <= most + most / 10 + 20, "{wait}: {count} times {name} in {cycles} cycles");
+                }
+            });
         }
     });
 }

@@ -14,8 +14,8 @@ use ipc_types::{Mode, RecordKind, StopReason};
 const WITH_CLARABEL: [&str; 2] = ["default-clarabel-10ms-infeasible", "default-clarabel-expired-exhausted"];
 
 /// Where the solver has been mended since: the cycles before the first that differs, and by how
-/// much at most (m/s, rad/s, N). A row of its working set was missed there by more than the 1e-10 of
-/// its scale that the solver promises; it is now met.
+/// much at most (m/s, rad/s, N). A row of its working set was missed there by more than the 1e-10
+/// of its scale that the solver promises; it is now met.
 const MENDED: [(&str, u64, f64); 1] = [("seven-joint-infeasible-forced-reset", 22, 1e-8)];
 
 fn directory() -> PathBuf {

@@ -110,8 +110,8 @@ fn a_stop_is_reported_and_reset_once_nothing_pushes_in() {
         let (code, text) = output(&mut ctl_command(&ipc, "reset", &config));
         assert_eq!((code, text.contains("not Stopped")), (Some(1), true), "{text}");
 
-        // An infeasible contact: a stop. Then the motion leads out of the surface; the daemon lets it,
-        // slowly.
+        // An infeasible contact: a stop. Then the motion leads out of the surface; the daemon lets
+        // it, slowly.
         let motion = "[{ duration_s = 0.8, twist = [0.0, -0.25] }, { duration_s = 1.5, twist = [0.0, 0.2] }]";
         let changes = [("motion", motion), ("start.contact_time_s", "0.4"), ("timing.command_delay_s", "0.001")];
         let scenario = write(&ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &changes));

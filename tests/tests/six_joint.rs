@@ -66,7 +66,8 @@ fn presses_and_slides_with_one_three_and_six_axes() {
 #[test]
 fn both_processes_press_and_slide_in_real_time() {
     undisturbed(|| {
-        // Tests are not built for release: a whole cycle for the answer, and what a busy machine needs.
+        // Tests are not built for release: a whole cycle for the answer, and what a busy machine
+        // needs.
         let config = with_keys(
             CONFIG,
             &[

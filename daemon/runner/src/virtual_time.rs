@@ -23,7 +23,7 @@ pub struct Step {
     pub command: CommandSample,
     /// What the cycle tells besides.
     pub report: CycleReport,
-    /// How many times the law had asked for the time when it first ran out; 0 = never.
+    /// Which of the law's questions for the time was the first to be answered with yes; 0 = none.
     pub expired_at: u64,
     /// What was true at the instant of the sample, with the peaks since the sample before.
     pub truth: TruthSample,

@@ -28,8 +28,8 @@ pub(crate) fn sample<const N: usize, const D: usize>(state: &StateSample) -> Sam
 }
 
 /// Writes an answer into a command. `since_sample` is the time in ns from the sample that the
-/// command names to the start of the plan. Sequence, stamps and the real-time thread's counters are not
-/// touched.
+/// command names to the start of the plan. Sequence, stamps and the real-time thread's counters are
+/// not touched.
 pub(crate) fn write_answer<const N: usize, const D: usize>(
     command: &mut CommandSample,
     answer: &CycleOutput<'_, N, D>,

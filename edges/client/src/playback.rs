@@ -202,7 +202,7 @@ impl Playback {
         self.in_force.as_ref().map_or(0, |command| command.sequence)
     }
 
-    /// Commands that came too late to act, since the first valid one.
+    /// Commands that came too late to act, or never, since the first valid one.
     pub fn missed(&self) -> u64 {
         self.missed
     }

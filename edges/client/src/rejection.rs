@@ -2,7 +2,7 @@
 
 use ipc_types::{CommandSample, MAX_PLAN, Motion};
 
-/// Why a command is not accepted; it counts as missed then.
+/// Why a command is not accepted; without another answer in time it is missed.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Rejection {
     /// A number is not finite.

@@ -10,7 +10,7 @@ use super::files::{daemon_file, scenario_file};
 use super::row::{Injection, Row, Said, Situation, Who};
 use super::watch::{Seen, Watcher};
 use super::{observe, recover};
-use crate::machine::undisturbed_beside;
+use crate::machine::{note, undisturbed};
 use crate::session::{plant_command, start_daemon, write};
 use crate::{Child, Need, PATIENCE, PrivateIpc, needs};
 
@@ -61,12 +61,12 @@ pub fn run(row: &Row, situation: Situation) -> String {
     if row.injection.needs_root() && !needs(Need::Root) {
         return String::new();
     }
-    let report = undisturbed_beside(|witness| {
+    let report = undisturbed(|| {
         let mut stage = Stage::open(row, situation);
         let Err(wrong) = stage.play() else { return std::mem::take(&mut stage.report) };
         stage.log += &stage.daemon.stderr();
         if let Some(disturbance) = observe::disturbance(&stage) {
-            witness.note(disturbance);
+            note(disturbance);
         }
         let (states, time) = {
             let seen = stage.watcher.seen();

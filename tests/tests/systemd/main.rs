@@ -166,8 +166,8 @@ fn what_a_restart_cannot_mend_is_given_up() {
         let end = ["ExecMainStatus", "NRestarts"].map(|name| systemd.property("admittanced@nobody", name));
         assert_eq!(end, ["66", "0"]);
 
-        // A valid one that cannot be used: the root path of a rehearsal by hand, where the service may
-        // not write. Another program could hold it, so it is retried, but not for ever.
+        // A valid one that cannot be used: the root path of a rehearsal by hand, where the service
+        // may not write. Another program could hold it, so it is retried, but not for ever.
         systemd.run("systemctl reset-failed");
         systemd.write("/etc/admittanced/robot.toml", &config(&[("ipc.root_path", "\"/var/admittanced\"")]));
         assert_eq!(systemd.try_run(&format!("systemctl start {DAEMON}")).0, Some(1));

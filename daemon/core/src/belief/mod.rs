@@ -44,8 +44,8 @@ pub enum ContactPoint {
     Configured,
     /// From the first samples in contact.
     Detected {
-        /// Standard deviation of f̂ on one axis, in N: what the margin is reduced by follows from
-        /// it.
+        /// Standard deviation of f̂ on one axis, in N; it determines how much the verdict's
+        /// margin is reduced.
         wrench_noise: f64,
     },
 }

@@ -180,8 +180,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         })
     }
 
-    /// Forgets earlier problems: a contact has ended. It must not affect the last bits of the next
-    /// one, since a replay may begin between them.
+    /// Forgets earlier problems: a contact has ended. Otherwise the last bits of the
+    /// next would depend on it, and a replay may begin between them.
     pub(crate) fn forget(&mut self) {
         self.warm_start.forget();
     }

@@ -1,7 +1,7 @@
 //! What solvers are checked and timed with: problem files with exact solutions ([`problem_file`]),
 //! random problems ([`random_qp`]), and Clarabel, an interior-point method that shares nothing with
-//! the solver in the core, as the judge ([`judge`]) and as the measure of speed ([`mod@bench`]). Where
-//! Clarabel is too coarse, double-double arithmetic decides ([`exact`]).
+//! the solver in the core, as the judge ([`judge`]) and as the measure of speed ([`mod@bench`]).
+//! Where Clarabel is too coarse, double-double arithmetic decides ([`exact`]).
 //!
 //! # Fuzzing
 //! [`fuzzing`] makes small degenerate problems from bytes and checks the answers. `cargo test`

@@ -26,7 +26,8 @@ config_section! {
         /// Position of the TCP at first contact; not used with contact = "detected".
         contact_point_m: Option<[f64; 3]>, unit "m", range -100.0..=100.0;
         /// Standard deviation of the wrench estimate on one axis; with contact = "detected" the
-        /// margin of the verdict is reduced by what two of them make of the contact point.
+        /// verdict's margin is reduced by the force error that two of them cause through the
+        /// contact point.
         wrench_noise_n: f64 = 0.0, unit "N", range 0.0..=100.0;
         /// Orientation of the TCP at first contact: fixed-axis roll, pitch, yaw.
         contact_rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;

@@ -4,8 +4,8 @@ use admittance_host::config::ConfigError;
 use admittance_host::config_section;
 
 config_section! {
-    /// Limits of joints and offset. The MPC and the minimum-force stop know them as constraints; of
-    /// what is not optimised the offset is cut.
+    /// Limits of joints and offset. The MPC and the minimum-force stop know them as constraints;
+    /// an offset that is not optimised is clamped to `velocity_offset`.
     pub struct LimitsSection {
         /// Largest |Δṗ| per task axis.
         velocity_offset: Vec<f64>, unit "m/s, rad/s", range 0.001..=20.0, length 2..=6;

@@ -83,8 +83,7 @@ config_section! {
         input_weight: Vec<f64>, unit "s^2/m^2, s^2/rad^2", range 1e-6..=1e9, length 2..=6;
         /// What an infeasible verdict leads to.
         on_infeasible: OnInfeasibleName = OnInfeasibleName::MinimumForce;
-        /// A solution is used if its residual, relative to the values that it is made of, is at
-        /// most 1000 times this.
+        /// A solution is accepted if its relative KKT residual is at most 1000 times this.
         solver_tolerance: f64 = 1e-8, unit "1", range 1e-12..=1e-4;
         /// Iteration limit of the solver. The active-set method takes one for every bound that
         /// begins or ceases to hold.

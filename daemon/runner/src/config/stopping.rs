@@ -21,7 +21,7 @@ config_section! {
         /// pose stops; no such guard when absent. An error of 1 mm in the contact point is 100 N at
         /// 1e5 N/m.
         mismatch_n: Option<f64>, unit "N", range 0.1..=1e5;
-        /// For so many cycles in a row.
+        /// Consecutive cycles of that before the arm stops.
         mismatch_cycles: u32 = 3, unit "cycles", range 1..=1000;
     }
 }

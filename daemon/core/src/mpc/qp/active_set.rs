@@ -72,9 +72,9 @@ impl SolverCapacity {
 /// What a `Solved` answer promises, in the coordinates y = U z, H = Uᵀ U, in which a row is cᵀy ≥ b
 /// with c = ± U⁻ᵀ a: every row is met to 1e-10 of its scale, and to rounding. But a row outside the
 /// working set may all but be a combination of those in it, c = Σ f_i c_i + e, with ‖e‖ at most
-/// 1e-9 of ‖c‖ or 1e-12 of the longest f_i c_i. To tell that from an exact one is beyond rounding,
-/// and to follow e would take y as far as a violation over ‖e‖. Where the members miss their bounds
-/// by o_i,
+/// 1e-9 of ‖c‖ or 1e-12 of the longest f_i c_i. Rounding cannot tell that from an exact one, and
+/// stepping along e would move y by the violation divided by ‖e‖. Where the members miss their
+/// bounds by o_i,
 ///
 /// b − cᵀy = (b − Σ f_i b_i) + Σ f_i o_i − eᵀy,
 ///
@@ -85,6 +85,11 @@ impl SolverCapacity {
 /// m is at most 1e-10 of the row's scale. Where exchanging such rows for one another takes y no
 /// farther from y0 any more, it may be 1e-6; whoever needs better looks at [`super::kkt_residual`].
 /// Where it would be more than that, the outcome is `Failed` or `Infeasible`.
+///
+/// A row with slightly more left of its normal than that is followed, and its multiplier is as
+/// large as y moves over ‖e‖. Where the rounding of the working set's multipliers, 4 ε Σ λ_i ‖c_i‖,
+/// would violate a row by more than 1e-10 of its scale, the solver may exchange rows without end,
+/// and then gives up: `Failed`.
 #[derive(Debug)]
 pub struct ActiveSet<B> {
     capacity: SolverCapacity,

@@ -88,9 +88,9 @@ pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64], scratch: &mut [f64]) -> K
     KktResidual { stationarity, violation, complementarity: product / scale }
 }
 
-/// What a certificate of infeasibility proves: that of the rows which `may_give` some must be
-/// violated by this much, in their unit, by any z with |z_i| ≤ `reach` that meets the others;
-/// `None` when it proves nothing.
+/// What a certificate of infeasibility proves: any z with |z_i| ≤ `reach` that meets all other rows
+/// violates one that `may_give` by at least this much, in that row's unit; `None` when it proves
+/// nothing.
 ///
 /// For any z, Σ y_i (A z)_i ≤ Σ y⁺ (upper + t_i) − Σ y⁻ (lower − t_i), so with t_i = t on rows that
 /// may give and 0 on others t ≥ (−Σ y⁺ upper + Σ y⁻ lower − ‖Aᵀy‖₁ reach) / Σ |y| of rows that may

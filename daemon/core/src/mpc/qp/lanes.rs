@@ -101,7 +101,7 @@ pub(super) fn add_scaled(x: &mut [f64], factor: f64, a: &[f64]) {
     }
 }
 
-/// max |x|, of numbers that are none of them NaN.
+/// max |x|; x must not contain NaN.
 #[inline(always)]
 pub(super) fn largest_magnitude(x: &[f64]) -> f64 {
     // Side by side as in [`dot`].

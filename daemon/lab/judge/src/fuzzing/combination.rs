@@ -58,15 +58,39 @@ impl Combinations {
 
     pub(super) fn of_row(&self, scale: &Scale, problem: &DenseQp, row: usize) -> Combination {
         let (mut parts, rest) = self.project(scale.normal(problem.rows.row(row)));
-        for column in (0..parts.len()).rev() {
-            parts[column] /= self.triangle[column][column];
-            for above in 0..column {
-                parts[above] -= self.triangle[column][above] * parts[column];
-            }
-        }
+        self.substitute(&mut parts);
         let members = self.members.iter().zip(parts).enumerate();
         let parts = members.map(|(index, (row, part))| (*row, part, self.distance(index))).collect();
         Combination { parts, rest: length(&rest) }
+    }
+
+    /// Σ |λ_i| ‖c_i‖ of the nearest point to y0 = −U⁻ᵀ g on the bounds of the working set,
+    /// y0 + Cᵀ λ with λ = R⁻¹ (R⁻ᵀ bounds − Qᵀ y0): what its rounding is relative to.
+    pub(super) fn pushed(&self, scale: &Scale, problem: &DenseQp, plea: &Plea) -> f64 {
+        let y0: Vec<f64> = scale.normal(&problem.gradient).iter().map(|c| -c).collect();
+        let mut along: Vec<f64> = Vec::new();
+        for (column, row) in self.members.iter().enumerate() {
+            let bound = match plea.working[*row] {
+                RowState::Lower => problem.lower[*row],
+                _ => problem.upper[*row],
+            };
+            let known: f64 = (0..column).map(|above| self.triangle[column][above] * along[above]).sum();
+            along.push((bound - known) / self.triangle[column][column]);
+        }
+        along.iter_mut().zip(&self.columns).for_each(|(along, column)| *along -= dot(column, &y0));
+        self.substitute(&mut along);
+        let lengths = self.members.iter().map(|row| length(&scale.normal(problem.rows.row(*row))));
+        along.iter().zip(lengths).map(|(multiplier, length)| multiplier.abs() * length).sum()
+    }
+
+    /// x ← R⁻¹ x.
+    fn substitute(&self, x: &mut [f64]) {
+        for column in (0..x.len()).rev() {
+            x[column] /= self.triangle[column][column];
+            for above in 0..column {
+                x[above] -= self.triangle[column][above] * x[column];
+            }
+        }
     }
 
     /// 1 / ‖R⁻ᵀ e_i‖.

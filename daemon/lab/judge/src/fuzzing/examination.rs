@@ -110,6 +110,14 @@ impl Scale {
         self.in_rows(qp, 4.0 * f64::EPSILON * self.of_answer(plea)) >= FEASIBLE
     }
 
+    /// The same with what the working set's own multipliers come to, which an answer without a
+    /// solution does not tell: between rows that nearly depend on one another they are as large as
+    /// y goes over what is left of their normals.
+    pub(super) fn is_drowned_by_working(&self, problem: &DenseQp, plea: &Plea) -> bool {
+        let pushed = Combinations::of(self, problem, plea).pushed(self, problem, plea);
+        self.in_rows(&problem.qp(), 4.0 * f64::EPSILON * pushed) >= FEASIBLE
+    }
+
     /// Whether y is so long that a row that is dependent to the solver may be missed by more than
     /// it neglects.
     pub(super) fn is_far(&self, qp: &Qp<'_>, plea: &Plea) -> bool {

@@ -93,10 +93,13 @@ impl Case {
 
         // Rounding excuses nothing in plain numbers; in others what it can do is measured at the
         // farthest point on the way, and so is what rows that nearly depend on others may be missed
-        // by there: beyond what is negligible the solver gives up.
+        // by there, or what rounding makes of their multipliers: beyond what is negligible the
+        // solver gives up.
         let mut is_excused = |plea: &Plea, guess: &[RowState]| {
             let has_given_up = matches!(plea.outcome, QpOutcome::Failed { .. }) && self.is_nearly_dependent;
-            let is_beyond = |plea: &Plea| scale.is_drowned(&qp, plea) || has_given_up && scale.is_far(&qp, plea);
+            let has_gone_too_far =
+                |plea: &Plea| scale.is_far(&qp, plea) || scale.is_drowned_by_working(&self.problem, plea);
+            let is_beyond = |plea: &Plea| scale.is_drowned(&qp, plea) || has_given_up && has_gone_too_far(plea);
             let mut way = (0..WAY).map(|limit| solver.solve(&qp, guess.to_vec(), limit).0);
             !self.is_plain && !is_solved(plea) && way.any(|plea| is_beyond(&plea))
         };
