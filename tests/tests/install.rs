@@ -38,6 +38,10 @@ fn the_commands_of_the_page_install_run_and_remove() {
             was_active = systemd.property("admittanced@cell-3", "ActiveState") == "active";
         }
         said += &systemd.run(command);
+        if command.contains("systemctl reload") {
+            // systemd waits for the signal to be sent, not for what the daemon makes of it.
+            systemd.wait_for_entry("-u admittanced@cell-3 --grep='reload: nothing has changed'");
+        }
     }
     assert!(commands.len() > 8 && commands.contains(&BUILD.to_owned()), "{commands:?}");
     assert!(
