@@ -12,7 +12,7 @@ use measurement::Peaks;
 
 use crate::environment::{Contact, Surface};
 use crate::faults::FaultKind;
-use crate::joint_loop::JointStep;
+use crate::joint_loop::{JointState, JointStep};
 use crate::motion::{MINIMUM_RECIPROCAL_CONDITION, advance_reference};
 use crate::wrench_estimate::{DelayLine, EstimateStep};
 use admittance_client::{Applied, Playback, Reception, Rejection};
@@ -25,6 +25,8 @@ use nalgebra::{SVector, Vector3};
 struct Substep<const N: usize, const D: usize> {
     duration_ns: u64,
     joints: JointStep<N>,
+    /// Part of the way to the true q̇ that the reported one goes.
+    velocity_share: f64,
     estimate: EstimateStep<D>,
 }
 
@@ -40,8 +42,9 @@ pub struct Plant<const N: usize, const D: usize> {
     now_ns: u64,
     sequence: u64,
     index: i64,
-    position: SVector<f64, N>,
-    velocity: SVector<f64, N>,
+    joints: JointState<N>,
+    /// q̇ as the controller reports it, rad/s.
+    reported_velocity: SVector<f64, N>,
     velocity_reference: SVector<f64, N>,
     position_reference: SVector<f64, N>,
     kinematics: Kinematics<N>,
@@ -70,8 +73,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             now_ns: parameters.first_stamp_ns,
             sequence: 1,
             index: -parameters.waiting_samples(),
-            position: parameters.start,
-            velocity: SVector::zeros(),
+            joints: JointState::at_rest(parameters.start),
+            reported_velocity: SVector::zeros(),
             velocity_reference: SVector::zeros(),
             position_reference: parameters.start,
             kinematics,
@@ -177,7 +180,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
 
     /// True joint position in rad.
     pub fn joint_position(&self) -> &SVector<f64, N> {
-        &self.position
+        &self.joints.position
     }
 
     /// True TCP position in m, base frame.
@@ -199,8 +202,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         }
         self.integrate_until(instant_ns, start_ns);
         let step = self.parameters.joints.step(rest_s);
-        step.advance(&mut self.position, &mut self.velocity, &self.velocity_reference);
-        self.kinematics = self.parameters.chain.kinematics(&self.position);
+        step.advance(&mut self.joints, &self.velocity_reference);
+        self.kinematics = self.parameters.chain.kinematics(&self.joints.position);
     }
 
     fn fault(&self, kind: FaultKind) -> bool {
@@ -248,7 +251,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         if !self.delay_line.is_none() && !self.parameters.estimate.is_zero() {
             return false;
         }
-        let speed = self.velocity.zip_map(&self.velocity_reference, |now, reference| now.abs().max(reference.abs()));
+        let speed = self.parameters.joints.most_speed(&self.joints, &self.velocity_reference);
         self.contact.penetration + speed.dot(&self.reach) * seconds(duration_ns) < 0.0
     }
 
@@ -258,10 +261,11 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         } else {
             substep_of(&self.parameters, duration_ns)
         };
-        step.joints.advance(&mut self.position, &mut self.velocity, &self.velocity_reference);
+        step.joints.advance(&mut self.joints, &self.velocity_reference);
         self.now_ns += duration_ns;
-        self.kinematics = self.parameters.chain.kinematics(&self.position);
-        self.contact = contact_of(self.parameters.surface.as_ref(), &self.kinematics, &self.velocity);
+        self.kinematics = self.parameters.chain.kinematics(&self.joints.position);
+        self.contact = contact_of(self.parameters.surface.as_ref(), &self.kinematics, &self.joints.velocity);
+        self.reported_velocity += (self.joints.velocity - self.reported_velocity) * step.velocity_share;
         self.peaks.add(&self.contact);
         let touches = self.contact.penetration > 0.0;
         self.contact_losses += u32::from(self.touched && !touches);
@@ -284,7 +288,13 @@ fn seconds(duration_ns: u64) -> f64 {
 
 fn substep_of<const N: usize, const D: usize>(parameters: &PlantParameters<N, D>, duration_ns: u64) -> Substep<N, D> {
     let duration_s = seconds(duration_ns);
-    Substep { duration_ns, joints: parameters.joints.step(duration_s), estimate: parameters.estimate.step(duration_s) }
+    let lag_s = parameters.velocity_lag_s;
+    Substep {
+        duration_ns,
+        joints: parameters.joints.step(duration_s),
+        velocity_share: if lag_s > 0.0 { -(-duration_s / lag_s).exp_m1() } else { 1.0 },
+        estimate: parameters.estimate.step(duration_s),
+    }
 }
 
 fn contact_of<const N: usize>(

@@ -88,8 +88,14 @@ pub fn plant<const N: usize, const D: usize>(
     let in_samples = |seconds| samples(seconds, timing.sampling_time_s);
     let vector = |values: &[f64]| SVector::<f64, D>::from_column_slice(values);
     let joints = |values: &[f64]| SVector::<f64, N>::from_column_slice(values);
+    let time_constants = joints(&scenario.robot.velocity_time_constant_s);
+    let velocity_loop = scenario.velocity_loop.as_ref();
     let parameters = PlantParameters {
-        joints: JointLoop::new(joints(&scenario.robot.velocity_time_constant_s)),
+        joints: match velocity_loop.and_then(|velocity_loop| velocity_loop.damping.as_ref()) {
+            Some(damping) => JointLoop::second_order(time_constants, joints(damping)),
+            None => JointLoop::new(time_constants),
+        },
+        velocity_lag_s: velocity_loop.map_or(0.0, |velocity_loop| velocity_loop.report_lag_s),
         start: joints(&scenario.start.joint_position_rad),
         surface: scenario.surface.as_ref().map(|surface| Surface {
             point: surface.point_m.into(),

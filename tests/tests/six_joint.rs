@@ -1,6 +1,7 @@
 //! A six-joint arm under the default profile at 1 kHz: presses on a level floor while it slides,
 //! with one, three and six admittance axes; in virtual time, and once with both real processes.
 
+use admittance_runner::config::ContactPointName;
 use end_to_end::closed_loop::{Experiment, Run};
 use end_to_end::session::{daemon_command, run_plant, with_keys, write};
 use end_to_end::{Child, PATIENCE, PrivateIpc, undisturbed};
@@ -60,6 +61,20 @@ fn presses_and_slides_with_one_three_and_six_axes() {
             );
             assert!(orientation.0 <= 0.01, "{count} axes: the TCP turns by {} rad", orientation.0);
         }
+    }
+}
+
+#[test]
+fn finds_a_floor_that_nobody_told() {
+    for (axes, share) in [([true; 6], 0.0), ([false, false, true, false, false, false], 0.4)] {
+        let mut experiment = experiment(axes, 0.0).at_instant(share);
+        experiment.config.environment.contact = ContactPointName::Detected;
+        experiment.config.environment.contact_point_m = None;
+        let run = experiment.run();
+        assert!(run.touched());
+        assert_eq!((run.stop_reason(), run.infeasible(), run.losses()), (None, 0, 0), "{axes:?}");
+        assert!(run.peak(2) <= MOST, "peak {} N", run.peak(2));
+        assert!((run.settled_normal() - 6.0).abs() < 0.5, "settled at {} N", run.settled_normal());
     }
 }
 

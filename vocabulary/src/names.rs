@@ -13,7 +13,7 @@ vocabulary! {
 vocabulary! {
     /// The mode of the daemon.
     pub enum ModeName as "Mode" {
-        Idle = 0 "Not in control: disabled, or no usable state sample; the offset is zero.";
+        Idle = 0 "Not in control. Disabled, or before the first sample: the offset is zero. Control lost: Hold.";
         Free = 1 "No axis is in contact; the offset is zero or ramps to zero.";
         Contact = 2 "At least one axis is in contact and controlled.";
         Stopping = 3 "A stop at the lowest reachable force is under way.";

@@ -4,7 +4,7 @@
 use admittance_core::belief::{ContactPoint, ContactSign, Thresholds};
 use admittance_core::intake::{Conditioning, Timing};
 use admittance_core::mpc::Weights;
-use admittance_core::mpc::{Discretization, ForcePoints, InputSelection, LowerBound, Options};
+use admittance_core::mpc::{Discretization, ForcePoints, InputSelection, InwardSpeed, LowerBound, Options};
 use admittance_core::output::{Law, MAX_STEPS};
 use admittance_core::{Parameters, Stopping};
 use admittance_core::quantities::Span;
@@ -39,6 +39,7 @@ pub(super) fn planar_arm() -> Parameters<2, 2> {
             steps: [0.004; MAX_STEPS],
             horizon: 5,
             inputs: InputSelection::Active,
+            inward_speed: InwardSpeed::Free,
             // (23a)
             weights: Weights::Joint {
                 position: Vector2::repeat(1e3),

@@ -79,10 +79,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         if supervisor.is_in_control() {
             belief.follow(sample, &felt, supervisor.doubts_model());
             let guards = supervisor.guard(sample, belief);
-            if supervisor.follow_contact(sample, belief) {
-                output.settle();
+            if let Some(end) = supervisor.follow_contact(sample, belief) {
+                output.settle(end, sample, belief.surface());
             }
-            if matches!(supervisor.mode(), Mode::Free) {
+            if matches!(supervisor.mode(), Mode::Free { .. }) {
                 mpc.forget();
             }
             supervisor.heed(guards, sample, output.is_zero());
@@ -92,8 +92,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         }
         let predicted = predict(sample, belief, supervisor, mpc, output, expired);
         let movement = predicted.movement.unwrap_or_else(|| match supervisor.mode() {
+            Mode::Idle(_) if supervisor.holds() => output.hold(sample.stamp),
             Mode::Idle(_) => output.rest(sample),
-            Mode::Free | Mode::Contact(_) => output.go_on(sample, belief.contact().is_any(), supervisor.is_enabled()),
+            Mode::Free { .. } | Mode::Contact(_) => {
+                output.go_on(sample, belief.contact().is_any(), supervisor.is_enabled())
+            }
             Mode::Stopping(_) | Mode::Stopped(_) => output.hold_or_retreat(sample, belief.surface()),
         });
         output.send(sample.stamp, &movement);
@@ -107,6 +110,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let can_retreat = last.is_some_and(|last| output.can_retreat(&last.twist_reference, surface));
         let movement = match (supervisor.bridge(&fault, now, intake.silence(now), can_retreat), last) {
             (Bridge::Ramp, Some(last)) => output.play_ramp(now, last),
+            (Bridge::Plan, Some(last)) if supervisor.is_stopping() => output.play_plan_in_stop(now, last, surface),
             (Bridge::Plan, Some(last)) => output.play_plan(now, last),
             (Bridge::Retreat, Some(last)) => output.retreat(now, last, surface),
             (Bridge::Rest, _) => output.rest_without_sample(now),

@@ -101,6 +101,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             force_limit: self.mpc.force_limit,
             minimum_force: self.mpc.minimum_force,
             lower_bound: self.mpc.lower_bound,
+            inward_speed: self.mpc.inward_speed,
             guards: self.guards,
             timing: self.timing,
             minimum_reciprocal_condition: self.minimum_reciprocal_condition,

@@ -78,7 +78,7 @@ impl Span {
     }
 
     /// So many nanoseconds.
-    pub fn from_nanoseconds(nanoseconds: u64) -> Self {
+    pub const fn from_nanoseconds(nanoseconds: u64) -> Self {
         Self { seconds: nanoseconds as f64 * S_PER_NS, nanoseconds }
     }
 

@@ -3,7 +3,9 @@
 use admittance_core::belief::{ContactPoint, ContactSign, Thresholds};
 use admittance_core::intake::{Conditioning, GivenIn, GivenSign, Timing};
 use admittance_core::mpc::Weights;
-use admittance_core::mpc::{Discretization, ForcePoints, InputSelection, LowerBound, Options, growing_steps};
+use admittance_core::mpc::{
+    Discretization, ForcePoints, InputSelection, InwardSpeed, LowerBound, Options, growing_steps,
+};
 use admittance_core::output::{Law, MAX_STEPS};
 use admittance_core::quantities::{Span, is_linear};
 use admittance_core::robot::{Interval, MotionLimits, Pose, rotation_from_rpy};
@@ -14,7 +16,8 @@ use nalgebra::{SVector, Vector3};
 
 use crate::config::{
     Config, ContactPointName, ContactSignName, DiscretizationName, ForcePointsName, GivenInName, GivenSignName,
-    InputsName, LawName, LowerBoundName, OnContactLostName, OnInfeasibleName, WeightSpace, WrenchSection,
+    InputsName, InwardSpeedName, LawName, LowerBoundName, OnContactLostName, OnInfeasibleName, WeightSpace,
+    WrenchSection,
 };
 
 /// Span of a horizon that is not given, in time constants of the slowest joint.
@@ -110,6 +113,10 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
             lower_bound: match contact.lower_bound {
                 LowerBoundName::Always => LowerBound::Always,
                 LowerBoundName::OnceReached => LowerBound::OnceReached,
+            },
+            inward_speed: match (mpc.inward_speed, contact.lower_bound) {
+                (Some(InwardSpeedName::Approach), _) | (None, LowerBoundName::OnceReached) => InwardSpeed::Approach,
+                (Some(InwardSpeedName::Free), _) | (None, LowerBoundName::Always) => InwardSpeed::Free,
             },
             force_points: match mpc.force_points {
                 ForcePointsName::StepEnds => ForcePoints::StepEnds,

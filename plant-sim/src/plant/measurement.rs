@@ -41,7 +41,7 @@ impl Peaks {
 impl<const N: usize, const D: usize> Plant<N, D> {
     /// Builds the sample of the current instant.
     pub(super) fn measure(&mut self) {
-        let (mut position, mut velocity) = (self.position, self.velocity);
+        let (mut position, mut velocity) = (self.joints.position, self.reported_velocity);
         let mut wrench = if self.delay_line.is_none() {
             *self.parameters.estimate.estimate()
         } else {
@@ -97,11 +97,11 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             normal_force_n: self.contact.normal_force,
             penetration_m: self.contact.penetration,
             peak_normal_force_n: self.peaks.normal_force,
-            joint_position: pad(self.position.as_slice()),
-            joint_velocity: pad(self.velocity.as_slice()),
+            joint_position: pad(self.joints.position.as_slice()),
+            joint_velocity: pad(self.joints.velocity.as_slice()),
             tcp_position: pose.position.into(),
             tcp_rotation: rotation.scaled_axis().into(),
-            tcp_twist: (self.kinematics.jacobian * self.velocity).into(),
+            tcp_twist: (self.kinematics.jacobian * self.joints.velocity).into(),
             wrench: pad(self.contact.force.as_slice()),
             peak_wrench: pad(self.peaks.force.as_slice()),
             velocity_offset: pad(&offset[..D]),

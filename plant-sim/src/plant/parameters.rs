@@ -18,6 +18,8 @@ pub struct PlantParameters<const N: usize, const D: usize> {
     pub chain: Chain<N>,
     /// Velocity loops of the joints (4).
     pub joints: JointLoop<N>,
+    /// Time constant of the lag with which q̇ is reported, in s; 0 = none.
+    pub velocity_lag_s: f64,
     /// Joint position at the start, in rad; the arm is at rest.
     pub start: SVector<f64, N>,
     /// What the TCP may touch; `None` is free space.

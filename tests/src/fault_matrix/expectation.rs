@@ -11,8 +11,6 @@ use super::row::{Said, Signal, Who};
 pub enum Robot {
     /// Goes on with the commanded motion and the offset of the law.
     GoesOn,
-    /// Goes on with the commanded motion without an offset: nobody controls it.
-    GoesOnUncontrolled,
     /// Stands still once the last plan has ended, and goes on when a daemon answers again.
     Pauses,
     /// Plays the last plan until its end, then stands still.
@@ -44,7 +42,6 @@ impl fmt::Display for Robot {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::GoesOn => "goes on under control",
-            Self::GoesOnUncontrolled => "goes on with the commanded motion, without an offset",
             Self::Pauses => "plays the last plan to its end, stands still, and goes on when the daemon answers again",
             Self::PlaysPlan => "plays the last plan to its end, then stands still",
             Self::Retreats => "plays the last plan, retreats out of the surface, then stands still",

@@ -115,9 +115,7 @@ fn check_robot(stage: &Stage<'_>, instants: &Instants) -> Result<(), Wrong> {
     let Some(last) = last else { return Err("the robot was not seen".to_owned()) };
     let speed = last.tcp_twist.iter().map(|v| v * v).sum::<f64>().sqrt();
     match robot {
-        Robot::GoesOn | Robot::GoesOnUncontrolled | Robot::Pauses if last.motion != Motion::Offset.code() => {
-            Err("the robot is held".to_owned())
-        }
+        Robot::GoesOn | Robot::Pauses if last.motion != Motion::Offset.code() => Err("the robot is held".to_owned()),
         Robot::GoesOn if seen.truths_within(instants.fault, instants.recovery).any(|t| t.motion != last.motion) => {
             Err("the robot was held for a while".to_owned())
         }

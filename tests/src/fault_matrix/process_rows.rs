@@ -5,7 +5,7 @@ use ipc_types::StopReason;
 
 use super::row::{
     CONTACT, Counter, Disk, End, Expectation, FREE, Force, Injection, Newcomer, Robot, Row, Signal, Step, Who, idle,
-    stopped, stopping,
+    stopped, stopping, withdrawn,
 };
 use super::{LONG, by_daemon, by_newcomer, row};
 
@@ -119,7 +119,7 @@ fn killed_or_stopped() -> Vec<Row> {
                 "daemon_restarted",
                 Expectation {
                     robot: Robot::Pauses,
-                    command: vec![FREE, idle(Shutdown), FREE],
+                    command: vec![FREE, withdrawn(Shutdown), FREE],
                     log: by_daemon(&["SIGTERM: ending control", "Idle: Shutdown", "ended"]),
                     ends: vec![End::Code(daemon, 0)],
                     ..Expectation::undisturbed(FREE)

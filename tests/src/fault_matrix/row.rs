@@ -4,7 +4,7 @@ use std::fmt;
 
 pub use super::expectation::{Counter, End, Expectation, Force, Line, Robot, Step};
 pub use super::injection::{Disk, Injection, Newcomer, Signal};
-pub use super::said::{CONTACT, FREE, Said, idle, stopped, stopping};
+pub use super::said::{CONTACT, FREE, Said, idle, stopped, stopping, withdrawn};
 
 /// A key of a file, "section.key", and its value as TOML.
 pub type Key = (&'static str, &'static str);

@@ -30,9 +30,14 @@ pub const fn stopped(reason: StopReason) -> Said {
     Said { mode: Mode::Stopped, motion: Motion::Hold, reason: Some(reason) }
 }
 
-/// Not controlling.
-pub const fn idle(reason: StopReason) -> Said {
+/// Not controlling, because a person wants it so.
+pub const fn withdrawn(reason: StopReason) -> Said {
     Said { mode: Mode::Idle, motion: Motion::Offset, reason: Some(reason) }
+}
+
+/// Held, because control is lost.
+pub const fn idle(reason: StopReason) -> Said {
+    Said { mode: Mode::Idle, motion: Motion::Hold, reason: Some(reason) }
 }
 
 impl Said {

@@ -87,7 +87,7 @@ pub(super) fn rows() -> Vec<Row> {
             ..row(
                 "samples_missing",
                 Expectation {
-                    robot: Robot::GoesOnUncontrolled,
+                    robot: Robot::PlaysPlan,
                     command: vec![FREE, idle(SampleStale)],
                     counted: vec![Counter::Rejected, Counter::Missed],
                     log: by_daemon(&["Idle: SampleStale, no sample for longer than max_sample_age_s"]),

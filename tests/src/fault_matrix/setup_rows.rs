@@ -170,7 +170,7 @@ fn motions() -> Vec<Row> {
             ..row(
                 "wrong_rate",
                 Expectation {
-                    robot: Robot::GoesOnUncontrolled,
+                    robot: Robot::StandsStill,
                     command: vec![FREE, idle(RateMismatch)],
                     log: by_daemon(&["Idle: RateMismatch, samples come every 4.1000 ms on average: set \
                                       control.sampling_time_s to the controller's cycle"]),

@@ -104,6 +104,37 @@ fn an_infeasible_contact_peaks_near_the_attainable_force_and_far_below_that_of_a
     assert!(stops >= 10, "{stops} stops");
 }
 
+/// Commanded speed of a cycle out of the surface, m/s.
+fn commanded(at: &Instant) -> f64 {
+    (0..2).map(|axis| NORMAL[axis] * (at.state.twist_reference[axis] + at.command.velocity_offset[axis])).sum()
+}
+
+#[test]
+fn a_stop_never_commands_inward_and_a_contact_no_faster_than_the_approach() {
+    let (mut stops, mut contacts) = (0, 0);
+    for (sampling_time, speeds) in [(0.004, [0.3, 0.4, 0.6]), (0.001, [0.6, 0.8, 1.0])] {
+        for (speed, unknown_delay) in speeds.into_iter().flat_map(|speed| [(speed, 0.0), (speed, 0.001)]) {
+            let mut experiment = Experiment::paper(sampling_time, speed);
+            experiment.scenario.timing.command_delay_s += unknown_delay;
+            experiment.config.limits.velocity_offset = vec![20.0, 20.0];
+            experiment.at_instants(8, |share, run| {
+                let what = format!("{speed} m/s at {sampling_time} s, {unknown_delay} s late, contact at {share}");
+                for at in &run.instants {
+                    let inward = -commanded(at);
+                    if at.is_in(Mode::Stopping) {
+                        stops += 1;
+                        assert!(inward <= 1e-6, "{what}: {inward} m/s in a stop");
+                    } else if at.is_in(Mode::Contact) {
+                        contacts += 1;
+                        assert!(inward <= speed * NORMAL[1] + 1e-6, "{what}: {inward} m/s in contact");
+                    }
+                }
+            });
+        }
+    }
+    assert!(stops > 100 && contacts > 3000, "{stops} cycles of stops, {contacts} of contacts");
+}
+
 #[test]
 fn a_minimum_force_stop_comes_to_rest_below_the_stop_force_and_stays() {
     let mut stops = 0;

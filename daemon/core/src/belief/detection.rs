@@ -105,6 +105,12 @@ impl Detection {
         }
     }
 
+    /// The force of `surface`'s spring at the sample before the last, in N; negative above it.
+    pub(super) fn spring_before<const D: usize>(&self, surface: &Surface<D>) -> f64 {
+        let before = &self.observations[self.len.saturating_sub(2)];
+        surface.normal_stiffness() * (before.depth + surface.height(&surface.contact.position))
+    }
+
     fn push(&mut self, seen: Observation) {
         if self.len == WINDOW {
             self.observations.copy_within(1.., 0);

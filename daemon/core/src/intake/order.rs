@@ -34,8 +34,12 @@ impl Timing {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SampleOrder {
     last: Option<Stamped>,
+    /// Spacing of the last two samples in s.
+    spacing: Option<f64>,
     /// First sample of the block of [`RATE_BLOCK`] over which the mean spacing is taken.
     block: Option<Stamped>,
+    /// Samples that have waited for a block to begin.
+    waiting: u64,
     /// Mean spacing of the last complete block in s.
     mean_spacing: Option<f64>,
     missed: u64,
@@ -49,17 +53,20 @@ struct Stamped {
     stamp: Instant,
 }
 
-/// Samples over which the mean spacing is taken.
+/// Samples over which the mean spacing is taken, from one that is evenly spaced to another: a
+/// single late stamp says nothing about the rate. Where no stamps are even, twice as many.
 const RATE_BLOCK: u64 = 100;
-/// Relative deviation of the mean spacing from T_s that refuses control.
-const RATE_TOLERANCE: f64 = 0.01;
-/// Relative deviation of one spacing from T_s that is counted.
+/// Relative deviation of the mean spacing from T_s that refuses control: a little more than one
+/// cycle of a block, which a single overrun takes.
+const RATE_TOLERANCE: f64 = 0.0101;
+/// Relative deviation of one spacing from T_s that is counted, and from the one before that is
+/// uneven.
 const SPACING_TOLERANCE: f64 = 0.1;
 
 impl SampleOrder {
     /// Nothing seen.
     pub(super) fn new() -> Self {
-        Self { last: None, block: None, mean_spacing: None, missed: 0, irregular: 0 }
+        Self { last: None, spacing: None, block: None, waiting: 0, mean_spacing: None, missed: 0, irregular: 0 }
     }
 
     /// Samples that never arrived, by gaps in the sequence.
@@ -72,7 +79,7 @@ impl SampleOrder {
         self.irregular
     }
 
-    /// Mean spacing of the last 100 samples in s, if it differs from T_s by more than 1 %.
+    /// Mean spacing of the last block of samples in s, if it differs from T_s by more than 1 %.
     pub(super) fn wrong_rate(&self, timing: &Timing) -> Option<f64> {
         self.mean_spacing.filter(|mean| deviation(*mean, timing) > RATE_TOLERANCE)
     }
@@ -112,28 +119,46 @@ impl SampleOrder {
             Some(last) => {
                 // Two runs of the motion controller may both jump by nearly 2⁶⁴.
                 self.missed = self.missed.saturating_add(now.sequence - last.sequence - 1);
-                if deviation(spacing(&last, &now), timing) > SPACING_TOLERANCE {
+                let found = spacing(&last, &now);
+                if deviation(found, timing) > SPACING_TOLERANCE {
                     self.irregular += 1;
                 }
+                let is_even = self.spacing.replace(found).is_some_and(|before| is_close(found, before));
                 // A pause is not a rate.
                 if now.stamp.since(last.stamp) > timing.max_sample_age + timing.sampling_time {
                     self.block = None;
                 }
+                self.measure_rate(now, is_even);
             }
-            None => (self.block, self.mean_spacing) = (None, None),
-        }
-        let start = *self.block.get_or_insert(now);
-        if now.sequence - start.sequence >= RATE_BLOCK {
-            self.mean_spacing = Some(spacing(&start, &now));
-            self.block = Some(now);
+            None => (self.spacing, self.block, self.waiting, self.mean_spacing) = (None, None, 0, None),
         }
         before.is_some_and(|last| last.boot_id != now.boot_id)
+    }
+
+    /// Ends the block with the sample `now`, if it is long enough, and begins the next; `is_even`: its
+    /// spacing is that of the samples before it.
+    fn measure_rate(&mut self, now: Stamped, is_even: bool) {
+        let count = self.block.map_or(0, |start| now.sequence - start.sequence);
+        match self.block {
+            Some(start) if count >= 2 * RATE_BLOCK || (count >= RATE_BLOCK && is_even) => {
+                self.mean_spacing = Some(spacing(&start, &now));
+                self.block = Some(now);
+            }
+            None if is_even || self.waiting >= RATE_BLOCK => (self.block, self.waiting) = (Some(now), 0),
+            None => self.waiting += 1,
+            Some(_) => {}
+        }
     }
 }
 
 /// Mean time in s per sequence number between two samples.
 fn spacing(from: &Stamped, to: &Stamped) -> f64 {
     to.stamp.since(from.stamp).seconds() / (to.sequence - from.sequence) as f64
+}
+
+/// Whether two spacings differ by at most 10 %.
+fn is_close(spacing: f64, other: f64) -> bool {
+    (spacing / other - 1.0).abs() <= SPACING_TOLERANCE
 }
 
 /// Relative deviation of a spacing in s from T_s.

@@ -6,8 +6,11 @@
 
 use core::ops::Range;
 
+use nalgebra::SVector;
+
 use crate::mpc::condensation::InputAxes;
 use crate::mpc::horizon::Horizon;
+use crate::output::MAX_STEPS;
 use crate::robot::Interval;
 
 /// Bounds of the force on one axis.
@@ -53,6 +56,15 @@ impl<const D: usize> ForceBounds<D> {
     }
 }
 
+/// Lower bound of what the inputs add to the commanded speed along a normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NormalSpeed<const D: usize> {
+    /// n, outward.
+    pub normal: SVector<f64, D>,
+    /// Least nᵀu_k of each step, m/s.
+    pub least: [f64; MAX_STEPS],
+}
+
 /// Everything that is bounded in one cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Constraints<const N: usize, const D: usize> {
@@ -66,12 +78,14 @@ pub struct Constraints<const N: usize, const D: usize> {
     pub offset: Option<Interval<D>>,
     /// (u_k − u_{k−1}) over the length of step k − 1 (of step 0 for k = 0), m/s² and rad/s².
     pub rate: Option<Interval<D>>,
+    /// nᵀu in every step, m/s.
+    pub normal_speed: Option<NormalSpeed<D>>,
 }
 
 impl<const N: usize, const D: usize> Constraints<N, D> {
     /// Only the force is bounded, as in the paper.
     pub fn of_force(force: ForceBounds<D>) -> Self {
-        Self { force, joint_speed: None, joint_position: None, offset: None, rate: None }
+        Self { force, joint_speed: None, joint_position: None, offset: None, rate: None, normal_speed: None }
     }
 }
 
@@ -84,6 +98,8 @@ pub enum RowKind {
     Offset,
     /// Change of the offset of an input axis; the instant is the step at whose start it changes.
     Rate,
+    /// Speed along the normal that the inputs command; the instant is the step.
+    NormalSpeed,
     /// Position of a joint; bounded at the end of the step that is the instant.
     JointPosition,
     /// Force on an axis; the instant is the force point.
@@ -95,7 +111,7 @@ pub enum RowKind {
 }
 
 /// Number of kinds.
-pub(crate) const ROW_KINDS: usize = 7;
+pub(crate) const ROW_KINDS: usize = 8;
 
 /// The bounds of the force that one common slack t ≥ 0 softens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -139,6 +155,7 @@ const KINDS: [RowKind; ROW_KINDS] = [
     RowKind::JointSpeed,
     RowKind::Offset,
     RowKind::Rate,
+    RowKind::NormalSpeed,
     RowKind::JointPosition,
     RowKind::Force,
     RowKind::MinimumForce,
@@ -166,6 +183,7 @@ impl Layout {
         layout.add(RowKind::JointSpeed, &joints[..if constraints.joint_speed.is_some() { N } else { 0 }], 0, steps);
         layout.add(RowKind::Offset, &inputs_of[..if constraints.offset.is_some() { m } else { 0 }], 0, steps);
         layout.add(RowKind::Rate, &inputs_of[..if constraints.rate.is_some() { m } else { 0 }], 0, steps);
+        layout.add(RowKind::NormalSpeed, &[0][..usize::from(constraints.normal_speed.is_some())], 0, steps);
         let positions = if constraints.joint_position.is_some() { N } else { 0 };
         layout.add(RowKind::JointPosition, &joints[..positions], first, steps - first);
         let points = horizon.force_points().len();

@@ -81,20 +81,27 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // A pulling spring would hold back a TCP that is leaving, and a fading estimate one that is
         // returning: an axis that should press but does not has no force cost.
         let wrench_axes = if is_soft && !holds { InputAxes::none() } else { InputAxes::from_mask(&demand.active) };
-        // Once the force is kept by its bound, the part of ṗ0 into the surface would only bias it.
+        // Once a force is kept, neither the part of ṗ0 into the surface nor the offset that cancels it
+        // shall bias it.
         let inward = surface.outward_speed(&sample.twist_reference).min(0.0);
-        let wanted = sample.twist_reference - surface.normal * if holds { inward } else { 0.0 };
+        let wanted_offset = surface.normal * if holds { -inward } else { 0.0 };
+        let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation);
+        if demand.inward_speed.is_finite() {
+            let way = (&(sample.twist_reference + output.offset()), &sample.twist_reference);
+            constraints.bound_inward_speed(demand.inward_speed, &surface.normal, known_twist, way, options.steps());
+        }
         let prediction = Prediction {
             initial: start.state,
             known_reference,
             inputs: InputAxes::from_mask(&inputs),
             previous_input: *output.offset(),
             wrench_axes,
-            constraints: settings.constraints(bounds, &SVector::zeros(), situation),
+            constraints,
             set_point: SetPoint {
                 joint_position: sample.joint_position_reference,
-                joint_velocity: situation.joint_velocity(&wanted),
+                joint_velocity: situation.joint_velocity(&(sample.twist_reference + wanted_offset)),
                 wrench: surface.normal * -options.normal_force_reference,
+                input: wanted_offset,
             },
             weights: &options.weights,
             jacobian: *sample.posture.jacobian(),

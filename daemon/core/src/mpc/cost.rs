@@ -1,5 +1,6 @@
-//! The cost (18a): Σ_{k=1..H} (x_k − x⁰)ᵀ Q (x_k − x⁰) + Σ_{k=0..H−1} u_kᵀ R u_k; over uneven steps
-//! each counts by its length, see [`Horizon::share`](crate::mpc::horizon::Horizon::share).
+//! The cost (18a): Σ_{k=1..H} (x_k − x⁰)ᵀ Q (x_k − x⁰) + Σ_{k=0..H−1} (u_k − u⁰)ᵀ R (u_k − u⁰);
+//! over uneven steps each counts by its length, see
+//! [`Horizon::share`](crate::mpc::horizon::Horizon::share).
 
 use nalgebra::SVector;
 
@@ -27,7 +28,8 @@ pub enum Weights<const N: usize, const D: usize> {
     },
 }
 
-/// x⁰ = [q0; q̇0; f_ref], constant over the horizon. The paper's f_ref is 0 (remark 3).
+/// x⁰ = [q0; q̇0; f_ref] and u⁰, constant over the horizon. The paper's f_ref (remark 3) and u⁰ are
+/// 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SetPoint<const N: usize, const D: usize> {
     /// q0: the commanded joint position in rad.
@@ -36,4 +38,6 @@ pub struct SetPoint<const N: usize, const D: usize> {
     pub joint_velocity: SVector<f64, N>,
     /// f_ref in N and N·m, robot on environment.
     pub wrench: SVector<f64, D>,
+    /// u⁰ in m/s and rad/s: the offset that costs nothing.
+    pub input: SVector<f64, D>,
 }

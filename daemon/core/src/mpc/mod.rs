@@ -59,6 +59,7 @@ pub mod force_points;
 mod growing_steps;
 #[doc(hidden)]
 pub mod horizon;
+mod inward_speed;
 #[doc(hidden)]
 pub mod model;
 mod options;
@@ -78,7 +79,7 @@ use nalgebra::SVector;
 pub use cost::Weights;
 pub use growing_steps::growing_steps;
 pub use model::Discretization;
-pub use options::{ForcePoints, InputSelection, LowerBound, Options};
+pub use options::{ForcePoints, InputSelection, InwardSpeed, LowerBound, Options};
 pub use qp::{ActiveSet, QpSolver, SolverCapacity};
 pub(crate) use situation::Situation;
 pub use verdict::Verdict;
@@ -118,6 +119,8 @@ pub(crate) struct Demand<const D: usize> {
     pub signs: [f64; D],
     /// Lower bound of s·f_lin in N; −∞ where none holds.
     pub minimum: [f64; D],
+    /// Largest speed into the surface that may be commanded, m/s; ∞ where it is not bounded.
+    pub inward_speed: f64,
 }
 
 /// What became of a problem.

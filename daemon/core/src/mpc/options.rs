@@ -27,6 +27,15 @@ pub enum LowerBound {
     OnceReached,
 }
 
+/// How fast the arm may be commanded into the surface while it is in contact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InwardSpeed {
+    /// As fast as the other limits allow: the model is trusted to stop it in time.
+    Free,
+    /// As fast as ṗ0 has moved in during this contact.
+    Approach,
+}
+
 /// Where the force is bounded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ForcePoints {
@@ -60,6 +69,8 @@ pub struct Options<const N: usize, const D: usize> {
     pub limit_tolerance: f64,
     /// When f_min holds.
     pub lower_bound: LowerBound,
+    /// How fast the arm may be commanded into the surface.
+    pub inward_speed: InwardSpeed,
     /// Where the force is bounded.
     pub force_points: ForcePoints,
     /// Whether commands on their way are part of the model.

@@ -120,6 +120,7 @@ impl<const N: usize, const D: usize> Settings<N, D> {
             joint_position: limits.joint_position.as_ref().map(|limits| self.reachable(limits, situation.sample)),
             offset: Some(Interval { lower: twist_reference - limits.offset, upper: twist_reference + limits.offset }),
             rate,
+            normal_speed: None,
         }
     }
 

@@ -35,18 +35,29 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let start = situation.at_action(&settings, &ForceBounds::none());
         let twist_reference = &situation.sample.twist_reference;
         let known_twist = &[SVector::zeros(); MAX_STEPS][..steps.len()];
+        let mut constraints = settings.constraints(bounds(&settings, situation), twist_reference, situation);
+        // Standstill, or as close to it as the limits of the offset allow.
+        let reach = &settings.limits.offset;
+        let target = twist_reference + twist_reference.zip_map(reach, |twist, reach| (-twist).clamp(-reach, reach));
+        let before = twist_reference + situation.output.offset();
+        let on_inputs = |twist: &SVector<f64, D>| {
+            SVector::from_fn(|axis, _| if settings.admittance[axis] { twist[axis] } else { 0.0 })
+        };
+        let way = (&on_inputs(&before), &on_inputs(&target));
+        constraints.bound_inward_speed(0.0, &situation.belief.surface().normal, known_twist, way, steps);
         let prediction = Prediction {
             initial: start.state,
             known_reference: &[SVector::zeros(); MAX_STEPS][..steps.len()],
             inputs: InputAxes::from_mask(&settings.admittance),
-            previous_input: twist_reference + situation.output.offset(),
+            previous_input: before,
             wrench_axes: InputAxes::from_mask(&settings.admittance),
-            constraints: settings.constraints(bounds(&settings, situation), twist_reference, situation),
+            constraints,
             // Standstill without force.
             set_point: SetPoint {
                 joint_position: start.state.joint_position,
                 joint_velocity: SVector::zeros(),
                 wrench: SVector::zeros(),
+                input: SVector::zeros(),
             },
             weights: &weights,
             jacobian: *situation.sample.posture.jacobian(),

@@ -24,6 +24,17 @@ impl<const D: usize> Output<D> {
         self.after_sample(Source::Plan, now, last)
     }
 
+    /// The same in a stop: the plan may be that of the contact before it, which pressed.
+    pub(crate) fn play_plan_in_stop<const N: usize>(
+        &mut self,
+        now: Instant,
+        last: &Accepted<N, D>,
+        surface: &Surface<D>,
+    ) -> Movement<N, D> {
+        self.plan.stay_outward(surface, &last.twist_reference);
+        self.play_plan(now, last)
+    }
+
     /// Without a sample for longer than a plan lasts: leaves the surface, open loop.
     pub(crate) fn retreat<const N: usize>(
         &mut self,
@@ -63,7 +74,8 @@ impl<const D: usize> Output<D> {
         self.at_sample(Source::Retreat, sample)
     }
 
-    /// [`Self::fall_back`] of a stop. Once its plan `is_exhausted` it leaves the surface, open
+    /// [`Self::fall_back`] of a stop: never inward, though the plan may be that of the contact before
+    /// it. Once its plan `is_exhausted` it leaves the surface, open
     /// loop: held on the spring it would never reach a low force.
     pub(crate) fn fall_back_in_stop<const N: usize>(
         &mut self,
@@ -72,6 +84,7 @@ impl<const D: usize> Output<D> {
         is_exhausted: bool,
     ) -> Movement<N, D> {
         let has_plan = self.plan.is_prediction() && !is_exhausted;
+        self.plan.stay_outward(surface, &sample.twist_reference);
         if has_plan || !self.can_retreat(&sample.twist_reference, surface) {
             return self.fall_back(sample, surface);
         }

@@ -111,6 +111,15 @@ enum Handover {
     Done,
 }
 
+/// How a contact has ended that leads to free motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ContactEnd {
+    /// As it was told to, or before f_min was reached.
+    Released,
+    /// Against the law's intent.
+    Lost,
+}
+
 /// The stage.
 #[derive(Debug)]
 pub(crate) struct Output<const D: usize> {
@@ -230,13 +239,20 @@ impl<const D: usize> Output<D> {
     }
 
     /// After a contact has ended: the ramp starts from where the plan would have ended, not from
-    /// one cycle's offset on the way there.
-    pub(crate) fn settle(&mut self) {
+    /// one cycle's offset on the way there. A contact that was lost is near: the arm approaches it
+    /// anew from standstill, or from the speed that it had been slowed down to.
+    pub(crate) fn settle<const N: usize>(&mut self, end: ContactEnd, sample: &Accepted<N, D>, surface: &Surface<D>) {
         if !self.settings.may_settle || !self.plan.is_prediction() {
             return;
         }
         let Some(last) = self.plan.last() else { return };
+        let outward_speed =
+            |offset: &SVector<f64, D>| surface.outward_speed(&(sample.twist_reference + offset)).min(0.0);
+        let before = outward_speed(&self.offset);
         self.offset.zip_apply(&last, |offset, last| *offset = last.clamp(offset.min(0.0), offset.max(0.0)));
+        if end == ContactEnd::Lost {
+            self.offset += surface.normal * (before - outward_speed(&self.offset)).max(0.0);
+        }
     }
 
     /// Records the answer to a sample or silence at `stamp`: its command acts one delay later.

@@ -4,6 +4,7 @@
 use nalgebra::SVector;
 
 use crate::quantities::{Instant, Span};
+use crate::surface::Surface;
 
 /// Largest number of steps.
 pub const MAX_STEPS: usize = 32;
@@ -105,6 +106,15 @@ impl<const D: usize> Plan<D> {
             }
         }
         cut
+    }
+
+    /// Takes out of every step what would move a ṗ0 of `twist_reference` plus its offset into the
+    /// `surface`.
+    pub(crate) fn stay_outward(&mut self, surface: &Surface<D>, twist_reference: &SVector<f64, D>) {
+        for offset in &mut self.offsets[..self.len] {
+            let inward = surface.outward_speed(&(twist_reference + *offset)).min(0.0);
+            *offset -= surface.normal * inward;
+        }
     }
 
     /// Shifts the start to `start`: steps that have ended by then go, the last one stays until

@@ -91,7 +91,10 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
         Free => match cause {
             C::Touch => Contact,
             C::Disabled | C::Shutdown | C::DrivesDisabled | C::RateMismatch | C::Silence => Idle,
-            C::StartedInContact | C::Singular | C::NearlySingular | C::MeasuredForce | C::ModelDisagrees => Stopped,
+            // What pulls may be the surface: held at once, what the joints still turn would press.
+            C::ModelDisagrees => Stopping,
+            // A force on no axis in contact: the surface's model cannot stop what the arm has met.
+            C::MeasuredForce | C::StartedInContact | C::Singular | C::NearlySingular => Stopped,
             C::SampleStale | C::SampleInvalid | C::JointCount => Stopped,
             C::Ready | C::Release | C::ContactLost | C::Infeasible | C::FallbackExhausted => Free,
             C::SolverFailed | C::RetreatOver | C::Rest | C::Reset | C::ForcedReset => Free,

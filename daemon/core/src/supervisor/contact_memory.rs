@@ -4,6 +4,9 @@ use nalgebra::SVector;
 
 use crate::belief::Contact;
 
+/// Speed in m/s at which the arm may follow a surface that falls away, or that came to it.
+const FOLLOWING: f64 = 0.01;
+
 /// The memory of one contact, from the first axis that joins until the last one leaves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ContactMemory<const D: usize> {
@@ -11,6 +14,8 @@ pub(crate) struct ContactMemory<const D: usize> {
     reached: [bool; D],
     /// Largest s·f_lin on each axis, N.
     deepest: [f64; D],
+    /// Largest speed of ṗ0 into the surface, m/s.
+    approach: f64,
     /// Cycles in a row in which the force was not the predicted one.
     pub(super) mismatches: u32,
     /// Cycles in a row without a solution.
@@ -20,7 +25,7 @@ pub(crate) struct ContactMemory<const D: usize> {
 impl<const D: usize> ContactMemory<D> {
     /// Of a contact that begins.
     pub(super) fn new() -> Self {
-        Self { reached: [false; D], deepest: [0.0; D], mismatches: 0, unsolved: 0 }
+        Self { reached: [false; D], deepest: [0.0; D], approach: 0.0, mismatches: 0, unsolved: 0 }
     }
 
     /// Records which axes have reached f_min (N, N·m). An axis that was released starts anew when
@@ -32,6 +37,13 @@ impl<const D: usize> ContactMemory<D> {
                 None => false,
             };
         }
+    }
+
+    /// The largest speed into the surface that may be commanded, in m/s, now that ṗ0 moves out of it
+    /// at `outward_speed`: what the approach had.
+    pub(super) fn inward_speed(&mut self, outward_speed: f64) -> f64 {
+        self.approach = self.approach.max(-outward_speed);
+        self.approach.max(FOLLOWING)
     }
 
     /// Whether any axis has reached f_min.

@@ -49,7 +49,7 @@ impl<const D: usize> Supervisor<D> {
         let unsolved = match &self.mode {
             Mode::Contact(memory) => memory.unsolved,
             Mode::Stopping(stopping) => stopping.unsolved,
-            Mode::Idle(_) | Mode::Free | Mode::Stopped(_) => 0,
+            Mode::Idle(_) | Mode::Free { .. } | Mode::Stopped(_) => 0,
         };
         unsolved > self.settings.timing.max_consecutive_fallbacks
     }
@@ -78,7 +78,7 @@ impl<const D: usize> Supervisor<D> {
         let is_bridged = silence.is_some_and(|silence| silence <= plan_lasts);
         let retreats = can_retreat && silence.is_some_and(|silence| silence <= plan_lasts + self.settings.retreat_time);
         match self.mode {
-            Mode::Free if is_bridged => return Bridge::Ramp,
+            Mode::Free { .. } if is_bridged => return Bridge::Ramp,
             Mode::Contact(_) | Mode::Stopping(_) if is_bridged => return Bridge::Plan,
             Mode::Contact(_) | Mode::Stopping(_) => {
                 self.apply(cause, now);
@@ -89,8 +89,8 @@ impl<const D: usize> Supervisor<D> {
             }
             // Before the first sample there is nothing to miss.
             Mode::Idle(_) if silence.is_none() => {}
-            Mode::Idle(_) | Mode::Free | Mode::Stopped(_) => self.apply(cause, now),
+            Mode::Idle(_) | Mode::Free { .. } | Mode::Stopped(_) => self.apply(cause, now),
         }
-        if matches!(self.mode, Mode::Idle(_)) { Bridge::Rest } else { Bridge::Hold }
+        if matches!(self.mode, Mode::Idle(_)) && !self.holds() { Bridge::Rest } else { Bridge::Hold }
     }
 }

@@ -4,6 +4,10 @@ use nalgebra::SVector;
 
 use super::Cause;
 use crate::belief::{Belief, ContactSign, Thresholds};
+use crate::quantities::{Instant, Span};
+
+/// A pull as brief as this is no contradiction: the tool's own mass pulls while the arm brakes.
+const BRIEF_PULL: Span = Span::from_nanoseconds(5_000_000);
 
 /// The guards.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,8 +52,13 @@ pub(super) fn pulls<const D: usize>(
     thresholds: &Thresholds<D>,
     wrench: &SVector<f64, D>,
     belief: &Belief<D>,
-) -> Option<Cause> {
+) -> bool {
     let felt = belief.surface_signs().axes(&thresholds.admittance).map(|axis| thresholds.activation[axis]);
     let pulls = belief.surface().pressing_force(wrench) < -felt.fold(f64::INFINITY, f64::min);
-    (sign == ContactSign::Normal && pulls).then_some(Cause::ModelDisagrees)
+    sign == ContactSign::Normal && pulls
+}
+
+/// Whether the wrench has pulled for so long that the model must be wrong.
+pub(super) fn contradicts(pulled_since: Option<Instant>, now: Instant) -> Option<Cause> {
+    pulled_since.filter(|since| now.since(*since) >= BRIEF_PULL).map(|_| Cause::ModelDisagrees)
 }

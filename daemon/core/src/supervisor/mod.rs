@@ -43,7 +43,8 @@ pub(crate) use task::{Bridge, Task};
 
 use crate::belief::{Belief, Felt};
 use crate::intake::Accepted;
-use crate::mpc::{Demand, LowerBound, Situation};
+use crate::mpc::{Demand, InwardSpeed, LowerBound, Situation};
+use crate::output::ContactEnd;
 use crate::quantities::Instant;
 use crate::robot::Singular;
 use permission::Permission;
@@ -85,7 +86,13 @@ impl<const D: usize> Supervisor<D> {
 
     /// Whether the law answers: not Idle, and not Stopped.
     pub(crate) fn is_in_control(&self) -> bool {
-        matches!(self.mode, Mode::Free | Mode::Contact(_) | Mode::Stopping(_))
+        matches!(self.mode, Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_))
+    }
+
+    /// Whether an arm that is not in control stands still: control was given, and cannot act.
+    pub(crate) fn holds(&self) -> bool {
+        let is_lost = |reason| !matches!(reason, StopReason::Disabled | StopReason::Shutdown);
+        matches!(self.mode, Mode::Idle(Some(reason)) if is_lost(reason)) && self.is_enabled()
     }
 
     /// Contacts lost that should have been kept.
@@ -110,7 +117,8 @@ impl<const D: usize> Supervisor<D> {
         self.mode = match (next, self.mode) {
             (ModeName::Idle, Mode::Idle(reason)) => Mode::Idle(cause.reason().or(reason)),
             (ModeName::Idle, _) => Mode::Idle(cause.reason()),
-            (ModeName::Free, _) => Mode::Free,
+            (ModeName::Free, mode @ Mode::Free { .. }) => mode,
+            (ModeName::Free, _) => Mode::Free { pulled_since: None },
             (ModeName::Contact, mode @ Mode::Contact(_)) => mode,
             (ModeName::Contact, _) => Mode::Contact(ContactMemory::new()),
             (ModeName::Stopping | ModeName::Stopped, mode @ Mode::Stopped(_)) => mode,
@@ -132,7 +140,7 @@ impl<const D: usize> Supervisor<D> {
                 None if felt.is_any() => Some(Cause::StartedInContact),
                 None => Some(Cause::Ready),
             },
-            Mode::Free | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
+            Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
                 (sample.is_new_run && felt.is_any()).then_some(Cause::StartedInContact)
             }
         };
@@ -173,7 +181,11 @@ impl<const D: usize> Supervisor<D> {
         let Settings { guards, thresholds, force_limit, sign, .. } = &self.settings;
         let exceeded = guards.exceeded(&sample.wrench, force_limit, &thresholds.admittance);
         match &mut self.mode {
-            Mode::Free => exceeded.or_else(|| guards::pulls(*sign, thresholds, &sample.wrench, belief)),
+            Mode::Free { pulled_since } => exceeded.or_else(|| {
+                let pulls = guards::pulls(*sign, thresholds, &sample.wrench, belief);
+                *pulled_since = pulls.then(|| pulled_since.unwrap_or(sample.stamp));
+                guards::contradicts(*pulled_since, sample.stamp)
+            }),
             Mode::Contact(memory) => exceeded.or_else(|| {
                 let mismatches = guards.mismatches(&sample.wrench, belief);
                 memory.mismatches = if mismatches { memory.mismatches + 1 } else { 0 };
@@ -183,15 +195,21 @@ impl<const D: usize> Supervisor<D> {
         }
     }
 
-    /// Follows contact as it begins and ends. Returns whether one has just ended.
+    /// Follows contact as it begins and ends. Returns how one has just ended.
     #[must_use]
-    pub(crate) fn follow_contact<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) -> bool {
+    pub(crate) fn follow_contact<const N: usize>(
+        &mut self,
+        sample: &Accepted<N, D>,
+        belief: &Belief<D>,
+    ) -> Option<ContactEnd> {
         let contact = belief.contact();
         let was_in_contact = matches!(self.mode, Mode::Contact(_));
+        let mut end = ContactEnd::Released;
         if contact.is_any() {
             self.apply(Cause::Touch, sample.stamp);
         } else if self.keeps_contact(sample, belief) {
             self.contacts_lost += 1;
+            end = ContactEnd::Lost;
             self.apply(Cause::ContactLost, sample.stamp);
         } else {
             self.apply(Cause::Release, sample.stamp);
@@ -199,7 +217,7 @@ impl<const D: usize> Supervisor<D> {
         if let Mode::Contact(memory) = &mut self.mode {
             memory.follow(contact, &sample.wrench, &self.settings.minimum_force);
         }
-        was_in_contact && matches!(self.mode, Mode::Free)
+        (was_in_contact && matches!(self.mode, Mode::Free { .. })).then_some(end)
     }
 
     /// Whether the minimum force is in force: losing contact now is against the law's intent.
@@ -232,7 +250,7 @@ impl<const D: usize> Supervisor<D> {
             Permission::Withdrawn(ending) => Some(ending.cause()),
             Permission::Given => sample.wrong_rate.map(|_| Cause::RateMismatch),
         };
-        let is_ramping = matches!(self.mode, Mode::Free) && !offset_is_zero && sample.wrong_rate.is_none();
+        let is_ramping = matches!(self.mode, Mode::Free { .. }) && !offset_is_zero && sample.wrong_rate.is_none();
         if let Some(cause) = ending.filter(|_| self.is_in_control() && !is_ramping) {
             self.apply(cause, stamp);
         }
@@ -248,7 +266,7 @@ impl<const D: usize> Supervisor<D> {
         match self.mode {
             Mode::Contact(_) if self.settings.predicts => Some(Task::Press),
             Mode::Stopping(_) => Some(Task::Stop),
-            Mode::Contact(_) | Mode::Idle(_) | Mode::Free | Mode::Stopped(_) => None,
+            Mode::Contact(_) | Mode::Idle(_) | Mode::Free { .. } | Mode::Stopped(_) => None,
         }
     }
 
@@ -256,8 +274,11 @@ impl<const D: usize> Supervisor<D> {
     pub(crate) fn demand<const N: usize>(&mut self, situation: &Situation<'_, N, D>) -> Demand<D> {
         let (belief, twist_reference) = (situation.belief, &situation.sample.twist_reference);
         let (active, signs) = (belief.contact().active(), belief.bounded_signs());
-        let mut minimum = [f64::NEG_INFINITY; D];
+        let (mut minimum, mut inward_speed) = ([f64::NEG_INFINITY; D], f64::INFINITY);
         if let Mode::Contact(memory) = &mut self.mode {
+            if self.settings.inward_speed == InwardSpeed::Approach {
+                inward_speed = memory.inward_speed(belief.surface().outward_speed(twist_reference));
+            }
             let leaves = belief.surface().is_left_by(twist_reference);
             for axis in (0..D).filter(|&axis| signs[axis] != 0.0) {
                 let minimum_force = self.settings.minimum_force[axis];
@@ -270,6 +291,6 @@ impl<const D: usize> Supervisor<D> {
                 };
             }
         }
-        Demand { active, signs, minimum }
+        Demand { active, signs, minimum, inward_speed }
     }
 }

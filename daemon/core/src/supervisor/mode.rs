@@ -9,10 +9,14 @@ use crate::robot::Singular;
 /// What the controller is doing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Mode<const D: usize> {
-    /// Not in control: no valid sample yet, or for this reason. The offset is zero.
+    /// Not in control: no valid sample yet, or for this reason. Before the first sample, and where a
+    /// person has withdrawn control, the offset is zero; else the arm is held.
     Idle(Option<StopReason>),
     /// In control, no axis in contact.
-    Free,
+    Free {
+        /// Since when the wrench pulls on the surface, if it does.
+        pulled_since: Option<Instant>,
+    },
     /// At least one axis in contact.
     Contact(ContactMemory<D>),
     /// On the way to standstill at the lowest force.
@@ -46,7 +50,7 @@ impl<const D: usize> Mode<D> {
     pub(crate) fn name(&self) -> ModeName {
         match self {
             Self::Idle(_) => ModeName::Idle,
-            Self::Free => ModeName::Free,
+            Self::Free { .. } => ModeName::Free,
             Self::Contact(_) => ModeName::Contact,
             Self::Stopping(_) => ModeName::Stopping,
             Self::Stopped(_) => ModeName::Stopped,
@@ -57,7 +61,7 @@ impl<const D: usize> Mode<D> {
     pub(crate) fn stop_reason(&self) -> Option<StopReason> {
         match self {
             Self::Idle(reason) => *reason,
-            Self::Free | Self::Contact(_) => None,
+            Self::Free { .. } | Self::Contact(_) => None,
             Self::Stopping(stopping) => Some(stopping.stop.reason),
             Self::Stopped(stop) => Some(stop.reason),
         }
@@ -66,7 +70,7 @@ impl<const D: usize> Mode<D> {
     /// How singular the pose was that has stopped the arm.
     pub(crate) fn singular(&self) -> Option<Singular> {
         match self {
-            Self::Idle(_) | Self::Free | Self::Contact(_) => None,
+            Self::Idle(_) | Self::Free { .. } | Self::Contact(_) => None,
             Self::Stopping(stopping) => stopping.stop.singular,
             Self::Stopped(stop) => stop.singular,
         }

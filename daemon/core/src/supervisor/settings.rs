@@ -5,7 +5,7 @@ use nalgebra::SVector;
 use super::{Guards, Policy};
 use crate::belief::{ContactSign, Thresholds};
 use crate::intake::Timing;
-use crate::mpc::LowerBound;
+use crate::mpc::{InwardSpeed, LowerBound};
 use crate::quantities::Span;
 
 /// What an infeasible verdict leads to. Both are latched.
@@ -43,6 +43,8 @@ pub(crate) struct Settings<const D: usize> {
     pub minimum_force: SVector<f64, D>,
     /// When f_min holds.
     pub lower_bound: LowerBound,
+    /// How fast the arm may be commanded into the surface in contact.
+    pub inward_speed: InwardSpeed,
     /// Guards.
     pub guards: Guards,
     /// How long a plan may stand in for an answer.

@@ -25,7 +25,7 @@ fn policies() -> impl Iterator<Item = Policy> {
 fn mode(name: ModeName) -> Mode<2> {
     match name {
         ModeName::Idle => Mode::Idle(None),
-        ModeName::Free => Mode::Free,
+        ModeName::Free => Mode::Free { pulled_since: None },
         ModeName::Contact => {
             let mut memory = ContactMemory::new();
             memory.unsolved = 2;
@@ -99,9 +99,10 @@ fn the_stage_goes_where_decide_says_and_keeps_the_first_reason() {
                     _ => assert_eq!(after, before, "{what}: the data of a mode that stays"),
                 },
                 (Mode::Stopping(_), after) => assert_eq!(after, Mode::Stopped(FIRST), "{what}"),
-                (Mode::Contact(memory), Mode::Stopping(stopping)) => {
+                (before, Mode::Stopping(stopping)) => {
+                    let unsolved = if let Mode::Contact(memory) = before { memory.unsolved } else { 0 };
                     let stop = Stop { reason: cause.reason().expect("a stop has one"), singular: None };
-                    let expected = Stopping { stop, since: NOW, unsolved: memory.unsolved };
+                    let expected = Stopping { stop, since: NOW, unsolved };
                     assert_eq!(stopping, expected, "{what}");
                 }
                 (_, after @ (Mode::Idle(_) | Mode::Stopped(_))) => {

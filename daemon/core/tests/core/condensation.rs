@@ -36,7 +36,7 @@ fn cost<const N: usize, const D: usize>(problem: &Problem<N, D>, z: &[f64]) -> f
     let (on_position, on_velocity, on_wrench) = problem.weights();
     let mut cost = 0.0;
     for k in 0..problem.horizon.steps().len() {
-        let u = problem.input(z, k);
+        let u = problem.input(z, k) - p.set_point.input;
         cost += problem.horizon.share(k) * u.dot(&u.component_mul(&p.input_weight));
     }
     for (k, x) in problem.trajectory(z)[1..].iter().enumerate() {

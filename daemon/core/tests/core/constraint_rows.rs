@@ -46,6 +46,11 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
             push(RowKind::Rate, axis, k, value, rate.lower[axis] * since, rate.upper[axis] * since);
         }
     }
+    let along = c.normal_speed.expect("all kinds");
+    for k in 0..h {
+        let value = along.normal.dot(&problem.input(z, k));
+        push(RowKind::NormalSpeed, 0, k, value, along.least[k], f64::INFINITY);
+    }
     for k in first_reached(shape.discretization)..h {
         let value = states[k + 1].joint_position;
         (0..N).for_each(|i| push(RowKind::JointPosition, i, k, value[i], position.lower[i], position.upper[i]));
@@ -136,7 +141,8 @@ fn check_rows<const N: usize, const D: usize, const M: usize>(shape: &Shape, num
             );
         }
         let large = [*lower, *upper].into_iter().filter(|bound| bound.is_finite()).map(f64::abs).fold(0.0, f64::max);
-        let weight = if large > 0.0 { 1.0 / large } else { 1.0 };
+        let is_relative = large > 0.0 && row.kind != RowKind::NormalSpeed;
+        let weight = if is_relative { 1.0 / large } else { 1.0 };
         assert!((qp.weight[number] / weight - 1.0).abs() <= 1e-12, "weight {}: {what}", qp.weight[number]);
 
         let mut coefficients = vec![f64::NAN; stride];

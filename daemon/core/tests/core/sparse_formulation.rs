@@ -111,6 +111,7 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
         for (index, &axis) in axes.iter().enumerate() {
             let at = inputs_at + k * m + index;
             hessian[at][at] = p.input_weight[axis] * share;
+            gradient[at] = -hessian[at][at] * p.set_point.input[axis];
         }
     }
 

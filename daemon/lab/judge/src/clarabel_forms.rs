@@ -49,6 +49,10 @@ impl Form {
             let mut coefficients = vec![0.0; qp.stride];
             for sign in [1.0, -1.0] {
                 for row in 0..qp.row_count {
+                    let bound = if sign > 0.0 { qp.upper[row] } else { qp.lower[row] };
+                    if bound.is_infinite() {
+                        continue;
+                    }
                     coefficients.fill(0.0);
                     qp.rows.coefficients(row, &mut coefficients);
                     let Some(bounded) = rows.layout.row(row) else { continue };
@@ -66,7 +70,6 @@ impl Form {
                     for column in columns {
                         form.matrix.push(form.bounds.len(), column, sign * qp.weight[row] * coefficients[column]);
                     }
-                    let bound = if sign > 0.0 { qp.upper[row] } else { qp.lower[row] };
                     form.bounds.push(sign * qp.weight[row] * bound);
                 }
             }

@@ -1,18 +1,19 @@
 //! Sequences of the shape that the `default` profile gives its problems: uneven steps, the force
-//! bounded inside the first of them too, limits of joint speeds, joint positions and of the rate of
-//! the offset, task-space weights on the velocity, an input on every admittance axis. Each is a
+//! bounded inside the first of them too, limits of joint speeds, joint positions, of the rate of
+//! the offset and of its speed into the surface, task-space weights on the velocity, an input on every admittance axis. Each is a
 //! simulated approach that meets the surface on the way, closed by the solver's own first input;
-//! from a seed, and the same for the same seed. Limits of speed, position and rate are such that
+//! from a seed, and the same for the same seed. Limits are such that
 //! every kind of row acts: they follow from what the same approach does without them.
 
 mod limits;
 
 use admittance_core::mpc::condensation::InputAxes;
-use admittance_core::mpc::constraints::{AxisBound, Constraints, ForceBounds};
+use admittance_core::mpc::constraints::{AxisBound, Constraints, ForceBounds, NormalSpeed};
 use admittance_core::mpc::cost::{SetPoint, Weights};
 use admittance_core::mpc::horizon::Horizon;
 use admittance_core::mpc::model::{Discretization, Model, State};
 use admittance_core::mpc::qp::QpOutcome;
+use admittance_core::output::MAX_STEPS;
 use admittance_core::robot::Interval;
 use admittance_core::robot::{Chain, ChainError, Joint, Pose, Posture, Singular, rotation_from_rpy};
 use admittance_core::surface::Surface;
@@ -203,7 +204,7 @@ fn force_bounds<const N: usize, const M: usize>(normal: &SVector<f64, N>, felt: 
 fn generate<const N: usize, const M: usize>(mut approach: Approach<N>) -> Result<Sequence<N, M>, GenerationError> {
     let attempt = |approach: &Approach<N>| {
         let free = approach_surface::<N, M>(approach, &Limits::wide(&approach.start))?;
-        approach_surface(approach, &Limits::met_by(&free, &approach.start))
+        approach_surface(approach, &Limits::met_by(&free, &approach.start, &task_direction(&approach.normal)))
     };
     for _ in 1..ATTEMPTS {
         match attempt(&approach) {
@@ -261,8 +262,14 @@ fn approach_surface<const N: usize, const M: usize>(
                 joint_position: Some(limits.position),
                 offset: None,
                 rate: Some(within(limits.rate)),
+                normal_speed: Some(NormalSpeed { normal, least: [-limits.inward_speed; MAX_STEPS] }),
             },
-            set_point: SetPoint { joint_position: q0, joint_velocity: commanded, wrench: SVector::zeros() },
+            set_point: SetPoint {
+                joint_position: q0,
+                joint_velocity: commanded,
+                wrench: SVector::zeros(),
+                input: SVector::zeros(),
+            },
             jacobian: *posture.jacobian(),
             previous_input: input,
             solution: Vec::new(),

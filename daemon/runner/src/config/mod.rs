@@ -22,7 +22,9 @@ pub use contact::{ContactSection, ContactSignName, LowerBoundName, OnContactLost
 pub use control::{Control, LawName, Wait};
 pub use environment::{ContactPointName, EnvironmentSection};
 pub use limits::LimitsSection;
-pub use mpc::{DiscretizationName, ForcePointsName, InputsName, MpcSection, OnInfeasibleName, WeightSpace};
+pub use mpc::{
+    DiscretizationName, ForcePointsName, InputsName, InwardSpeedName, MpcSection, OnInfeasibleName, WeightSpace,
+};
 pub use requests::RequestsSection;
 pub use stopping::{DampingSection, StoppingSection};
 pub use wrench::{GivenInName, GivenSignName, WrenchSection};

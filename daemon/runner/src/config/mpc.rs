@@ -34,6 +34,17 @@ config_enum! {
 }
 
 config_enum! {
+    /// How fast the arm may be commanded into the surface while it is in contact. In a
+    /// minimum-force stop it never is.
+    pub enum InwardSpeedName {
+        /// At most as fast as the commanded twist has moved in during this contact, or 0.01 m/s.
+        Approach = "approach",
+        /// As fast as the other limits allow: the model is trusted to stop it in time.
+        Free = "free",
+    }
+}
+
+config_enum! {
     /// The space of the weights on position and velocity.
     pub enum WeightSpace {
         /// One weight per joint, as (23a).
@@ -71,6 +82,9 @@ config_section! {
         model_delay: bool = true;
         /// Which axes get an input.
         inputs: InputsName = InputsName::All;
+        /// How fast the arm may be commanded into the surface. When absent: "approach", but "free"
+        /// with contact.lower_bound = "always", as in the paper.
+        inward_speed: Option<InwardSpeedName>;
         /// Whether position_weight and velocity_weight are per joint or per task axis.
         weights: WeightSpace = WeightSpace::Task;
         /// Weight of position errors, per joint (1/rad²) or task axis (1/m², 1/rad²).

@@ -124,6 +124,14 @@ impl<const N: usize, const D: usize, const M: usize> MpcRows<'_, N, D, M> {
             let later = steps.iter().map(|before| (SimdVector::ZERO, interval.scaled(before.duration)));
             bounds.put(self.rows(RowKind::Rate), M, core::iter::once(first).chain(later));
         }
+        if let Some(speed) = &c.normal_speed {
+            // Near zero as a rule: relative to it every rounding would be a violation.
+            let weight = SimdVector::splat(1.0);
+            let upper = SimdVector::splat(f64::INFINITY);
+            let bound =
+                |least: &f64| (SimdVector::ZERO, Weighted::<1> { lower: SimdVector::splat(*least), upper, weight });
+            bounds.put(self.rows(RowKind::NormalSpeed), 1, speed.least.iter().map(bound));
+        }
         if let Some(interval) = &c.joint_position {
             let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
             let reached = free.positions().skip(self.horizon.first_reached());

@@ -25,6 +25,8 @@ pub struct MpcRows<'a, const N: usize, const D: usize, const M: usize> {
     pub(super) gradients: SimdMatrix<M, N>,
     /// Axes with bounded force.
     pub(super) bounded: usize,
+    /// n of the inputs; zero while the speed along it is not bounded.
+    normal: SimdVector<M>,
 }
 
 impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
@@ -53,6 +55,9 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
             inputs: SimdMatrix::of_columns(columns),
             gradients: SimdMatrix::of_rows(gradients),
             bounded: bounds.len(),
+            normal: SimdVector::new(&core::array::from_fn(|a| {
+                prediction.constraints.normal_speed.as_ref().map_or(0.0, |speed| speed.normal[inputs[a]])
+            })),
         })
     }
 
@@ -98,6 +103,12 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
         let bounds = self.prediction.constraints.force.as_slice();
         let index = bounds.iter().position(|bound| bound.axis == axis).unwrap_or(0);
         SimdVector::new(&self.gradients.rows[index])
+    }
+
+    /// nᵀu.
+    #[inline(always)]
+    fn along_normal(&self, u: &[f64; M]) -> f64 {
+        self.normal.dot(SimdVector::new(u))
     }
 
     /// The gradient over q of the bounded axes' multipliers from row `row` on, and the sum of
@@ -148,6 +159,7 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let (speed, rest) = out.split_at_mut(self.rows(RowKind::JointSpeed).len());
         let (offset, rest) = rest.split_at_mut(self.rows(RowKind::Offset).len());
         let (rate, rest) = rest.split_at_mut(self.rows(RowKind::Rate).len());
+        let (normal, rest) = rest.split_at_mut(self.rows(RowKind::NormalSpeed).len());
         let (position, rest) = rest.split_at_mut(self.rows(RowKind::JointPosition).len());
         let (force, rest) = rest.split_at_mut(self.rows(RowKind::Force).len());
         let (minimum, rest) = rest.split_at_mut(self.rows(RowKind::MinimumForce).len());
@@ -160,6 +172,9 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         for (rate, u) in rate.as_chunks_mut::<M>().0.iter_mut().zip(inputs.iter().rev()) {
             *rate = core::array::from_fn(|index| u[index] - before[index]);
             before = *u;
+        }
+        for (normal, u) in normal.iter_mut().zip(inputs.iter().rev()) {
+            *normal = self.along_normal(u);
         }
         let mut speed = speed.as_chunks_mut::<N>().0.iter_mut();
         let mut position = position.as_chunks_mut::<N>().0.iter_mut();
@@ -206,7 +221,9 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         // An input that does not act at once has no coefficient in its own step.
         let delay = self.horizon.first_reached();
         let first = match kind {
-            RowKind::JointSpeed | RowKind::Offset | RowKind::Rate => self.inputs_of(instant).start,
+            RowKind::JointSpeed | RowKind::Offset | RowKind::Rate | RowKind::NormalSpeed => {
+                self.inputs_of(instant).start
+            }
             RowKind::JointPosition => self.inputs_of(instant - delay).start,
             RowKind::Force | RowKind::MinimumForce => {
                 self.inputs_of(self.horizon.force_points()[instant].step - delay).start
@@ -227,6 +244,9 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 if kind == RowKind::Rate && instant > 0 {
                     out[at + M] = -1.0;
                 }
+            }
+            RowKind::NormalSpeed => {
+                out[first..].iter_mut().zip(self.normal.array()).for_each(|(value, normal)| *value = normal);
             }
             RowKind::JointPosition => {
                 let mut position = [0.0; N];
@@ -286,6 +306,10 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
             let inputs = self.inputs_of(k);
             if let Some(row) = self.at(RowKind::Offset, k) {
                 out[inputs.clone()].iter_mut().zip(&multipliers[row..]).for_each(|(value, y)| *value += y);
+            }
+            if let Some(row) = self.at(RowKind::NormalSpeed, k) {
+                let along = self.normal.times(SimdVector::splat(multipliers[row])).array();
+                out[inputs.clone()].iter_mut().zip(along).for_each(|(value, y)| *value += y);
             }
             if let Some(row) = self.at(RowKind::Rate, k) {
                 for (index, multiplier) in multipliers[row..row + M].iter().enumerate() {

@@ -189,6 +189,9 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
         Weights::Joint { .. } => SimdMatrix::of_columns([[0.0; D]; N]),
         Weights::Task { .. } => SimdMatrix::of_columns(prediction.jacobian.data.0),
     };
+    let inputs = prediction.inputs.as_slice();
+    let input_weight: SimdVector<M> = pick(inputs, &prediction.input_weight);
+    let wanted = input_weight.times(pick(inputs, &prediction.set_point.input));
     let mut costate = Joints::<N>::ZERO;
     let mut push = SimdVector::<M>::ZERO;
     // Variables stand in reversed time order: backward in time is forward in g.
@@ -208,7 +211,8 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
         if follows_within {
             reference = reference.plus(estimates.sensitivity_within(axes, step, push, &mut costate));
         }
-        *place = rows.inputs.transposed_times(reference).array();
+        let off = wanted.times(SimdVector::splat(share));
+        *place = rows.inputs.transposed_times(reference).minus(off).array();
         costate.position = costate.position.plus(estimates.gradients.transposed_times(push.times(filter.by_start)));
         push = push.times(filter.decay);
     }

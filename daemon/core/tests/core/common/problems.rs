@@ -2,7 +2,7 @@
 //! arm.
 
 use admittance_core::mpc::condensation::{Capacity, InputAxes, MpcRows, Prediction, Slack, Workspace};
-use admittance_core::mpc::constraints::{AxisBound, Constraints, ForceBounds, Softened};
+use admittance_core::mpc::constraints::{AxisBound, Constraints, ForceBounds, NormalSpeed, Softened};
 use admittance_core::mpc::cost::{SetPoint, Weights};
 use admittance_core::mpc::horizon::Horizon;
 use admittance_core::mpc::model::{Discretization, Model, State};
@@ -87,6 +87,7 @@ impl Case {
                 joint_position: q + Vector2::new(0.002, -0.003),
                 joint_velocity: velocity(&sample.twist_reference),
                 wrench: Vector2::new(1.0, -2.0),
+                input: Vector2::new(0.02, -0.05),
             },
             weights: Box::leak(Box::new(self.weights)),
             jacobian: parameters.chain.kinematics(&q).task_jacobian(),
@@ -250,11 +251,16 @@ impl Shape {
                 joint_position: Some(numbers.interval(2.0)),
                 offset: Some(numbers.interval(0.5)),
                 rate: Some(numbers.interval(20.0)),
+                normal_speed: Some(NormalSpeed {
+                    normal: numbers.vector(1.0),
+                    least: std::array::from_fn(|_| numbers.next()),
+                }),
             },
             set_point: SetPoint {
                 joint_position: initial.joint_position + numbers.vector::<N>(0.01),
                 joint_velocity: numbers.vector(0.3),
                 wrench: numbers.vector(5.0),
+                input: numbers.vector(0.3),
             },
             weights: Box::leak(Box::new(weights)),
             jacobian: numbers.matrix(1.0),

@@ -103,7 +103,8 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
         for step in 0..self.steps() {
             for (position, &axis) in self.axes.iter().enumerate() {
                 let share = sequence.horizon.share(step);
-                self.push_square(self.input(step) + position, share * sequence.input_weight[axis], 0.0);
+                let (weight, target) = (share * sequence.input_weight[axis], set_point.input[axis]);
+                self.push_square(self.input(step) + position, weight, target);
             }
         }
     }
@@ -251,6 +252,13 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
     fn push_input_rows(&mut self, sign: f64) {
         let problem = self.problem;
         for step in 0..self.steps() {
+            // Bounded on one side.
+            if let (Some(speed), true) = (&problem.constraints.normal_speed, sign < 0.0) {
+                for (position, &axis) in self.axes.iter().enumerate() {
+                    self.push(self.input(step) + position, -speed.normal[axis]);
+                }
+                self.form.bounds.push(-speed.least[step]);
+            }
             for (position, &axis) in self.axes.iter().enumerate() {
                 if let Some(interval) = &problem.constraints.offset {
                     let limit = if sign > 0.0 { interval.upper[axis] } else { interval.lower[axis] };

@@ -58,6 +58,7 @@ impl ProblemFile {
                     joint_position: reference.joint_position,
                     joint_velocity: reference.joint_velocity,
                     wrench: reference.wrench,
+                    input: SVector::zeros(),
                 },
                 jacobian: SMatrix::zeros(),
                 previous_input: SVector::zeros(),
