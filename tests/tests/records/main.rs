@@ -87,7 +87,10 @@ fn a_recorded_contact_is_replayed_to_the_bit() {
         assert!(compared + 20 > recorded, "{compared} of {recorded}: {text}");
 
         let (code, text) = replay(&late);
-        certain(|| assert_eq!(code, Some(0), "{text}"));
+        // No machine excuses a difference; but one that takes the processors away breaks the free motion
+        // that a recording begun late needs (exit 65).
+        certain(|| assert_ne!(code, Some(1), "{text}"));
+        assert_eq!(code, Some(0), "{text}");
         assert!(text.contains("after 128 cycles in free motion"), "{text}");
         let of_late = number_before(&text, " cycles, bit-identical");
         assert!(of_late < compared && of_late > 100, "the contact is among the {of_late} of {compared} cycles: {text}");
