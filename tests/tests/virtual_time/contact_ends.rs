@@ -155,7 +155,7 @@ fn a_level_surface_with_friction_is_no_disagreement_and_x_does_not_activate() {
                 assert_eq!((run.stop_reason(), run.infeasible(), run.losses()), (None, 0, 0), "{at}");
                 assert!(run.instants.iter().all(|at| at.command.active_axes & 1 == 0), "{at}: x is active");
                 let (settled, share) = (run.settled_normal(), run.tangential_share());
-                assert!((settled - 6.0).abs() < 0.5, "{at}: settled at {settled} N");
+                assert!((settled - 6.0).abs() < 1.0, "{at}: settled at {settled} N");
                 assert!((share - 1.0).abs() < 0.01, "{at}: slides at {share} of the commanded speed");
             });
         }

@@ -11,6 +11,9 @@ const MAX_FALLBACKS: u32 = 3;
 fn experiment() -> Experiment {
     let mut experiment = Experiment::paper(SAMPLING_TIME_S, 0.25).with_motion(&[(0.4, &[0.0, -0.25])]);
     experiment.config.control.max_consecutive_fallbacks = MAX_FALLBACKS;
+    // Tight enough for other rows to become active from cycle to cycle.
+    experiment.config.limits.inward_rate_m_s2 = Some(vec![5.0, 8.0]);
+    experiment.config.limits.outward_rate_m_s2 = Some(vec![50.0, 80.0]);
     experiment
 }
 

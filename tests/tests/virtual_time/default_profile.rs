@@ -62,7 +62,7 @@ fn is_safe_at(sampling_time: f64, speed: f64) {
 fn settles_at_the_lower_bound_at(sampling_time: f64, speed: f64) {
     Experiment::paper(sampling_time, speed).at_instants(4, |share, run| {
         let at = format!("{speed} m/s at {sampling_time} s, contact at {share}");
-        assert_within(&format!("{at}: settled normal force"), run.settled_normal(), LEAST, 0.5);
+        assert_within(&format!("{at}: settled normal force"), run.settled_normal(), LEAST, 1.0);
         assert_within(&format!("{at}: tangential speed / commanded"), run.tangential_share(), 1.0, 0.01);
     });
 }

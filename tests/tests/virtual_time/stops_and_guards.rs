@@ -71,7 +71,7 @@ fn a_singular_pose_in_contact_is_a_stop_at_a_low_force() {
         assert_eq!(run.stop_reason(), Some(StopReason::Singular.code()));
         assert!(run.last().is_in(Mode::Stopped) && run.last().command.motion == Motion::Hold.code());
     }
-    assert!(gentle.instants.iter().all(|at| at.truth.peak_normal_force_n <= 200.0), "{} N", gentle.peak_normal());
+    assert!(gentle.peak(0).max(gentle.peak(1)) <= 200.5, "x {} N, y {} N", gentle.peak(0), gentle.peak(1));
     assert!(rest(&gentle) <= STOP_FORCE, "rests at {} N", rest(&gentle));
     assert!(rest(&halted) > rest(&gentle), "a halt must not be the better answer");
 }

@@ -72,8 +72,9 @@ pub struct Constraints<const N: usize, const D: usize> {
     pub force: ForceBounds<D>,
     /// J⁻¹ (ṗ0 + Δṗ) in every step, rad/s.
     pub joint_speed: Option<Interval<N>>,
-    /// q at the end of every step that an input reaches, rad.
-    pub joint_position: Option<Interval<N>>,
+    /// Where each joint would come to rest, q + T_V q̇, at the end of every step, rad: bounded itself, q
+    /// could reach its limit at a speed.
+    pub rest_position: Option<Interval<N>>,
     /// Δṗ in every step, m/s and rad/s.
     pub offset: Option<Interval<D>>,
     /// (u_k − u_{k−1}) over the length of step k − 1 (of step 0 for k = 0), m/s² and rad/s².
@@ -85,7 +86,7 @@ pub struct Constraints<const N: usize, const D: usize> {
 impl<const N: usize, const D: usize> Constraints<N, D> {
     /// Only the force is bounded, as in the paper.
     pub fn of_force(force: ForceBounds<D>) -> Self {
-        Self { force, joint_speed: None, joint_position: None, offset: None, rate: None, normal_speed: None }
+        Self { force, joint_speed: None, rest_position: None, offset: None, rate: None, normal_speed: None }
     }
 }
 
@@ -100,8 +101,8 @@ pub enum RowKind {
     Rate,
     /// Speed along the normal that the inputs command; the instant is the step.
     NormalSpeed,
-    /// Position of a joint; bounded at the end of the step that is the instant.
-    JointPosition,
+    /// Where a joint would come to rest, at the end of the step that is the instant.
+    RestPosition,
     /// Force on an axis; the instant is the force point.
     Force,
     /// Softened lower bound of the force on an axis; the instant is the force point.
@@ -156,7 +157,7 @@ const KINDS: [RowKind; ROW_KINDS] = [
     RowKind::Offset,
     RowKind::Rate,
     RowKind::NormalSpeed,
-    RowKind::JointPosition,
+    RowKind::RestPosition,
     RowKind::Force,
     RowKind::MinimumForce,
     RowKind::Slack,
@@ -178,14 +179,13 @@ impl Layout {
         inputs_of.iter_mut().zip(inputs.as_slice()).for_each(|(to, axis)| *to = *axis);
         let mut forced = [0; 8];
         forced.iter_mut().zip(constraints.force.as_slice()).for_each(|(to, bound)| *to = bound.axis);
-        let first = horizon.first_reached();
         let m = inputs.as_slice().len();
         layout.add(RowKind::JointSpeed, &joints[..if constraints.joint_speed.is_some() { N } else { 0 }], 0, steps);
         layout.add(RowKind::Offset, &inputs_of[..if constraints.offset.is_some() { m } else { 0 }], 0, steps);
         layout.add(RowKind::Rate, &inputs_of[..if constraints.rate.is_some() { m } else { 0 }], 0, steps);
         layout.add(RowKind::NormalSpeed, &[0][..usize::from(constraints.normal_speed.is_some())], 0, steps);
-        let positions = if constraints.joint_position.is_some() { N } else { 0 };
-        layout.add(RowKind::JointPosition, &joints[..positions], first, steps - first);
+        let positions = if constraints.rest_position.is_some() { N } else { 0 };
+        layout.add(RowKind::RestPosition, &joints[..positions], 0, steps);
         let points = horizon.force_points().len();
         layout.add(RowKind::Force, &forced[..constraints.force.as_slice().len()], 0, points);
         let softly = if softened == Some(Softened::Minimum) { constraints.force.as_slice().len() } else { 0 };

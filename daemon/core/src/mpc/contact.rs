@@ -10,10 +10,9 @@ use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
 
-/// The price of a force below f_min. At rest it far outweighs the cost of the force, so that f_min
-/// is kept exactly; after an impact it is low enough that a dip between samples, which may be
-/// unavoidable, does not cause the next impact.
-const KEPT: Slack = Slack { softened: Softened::Minimum, price: 30.0, curvature: 3.0 };
+/// The price of a force below f_min. At rest nothing pulls the force there; after an impact the price
+/// is low enough that a dip between samples, which may be unavoidable, does not cause the next impact.
+const KEPT: Slack = Slack { softened: Softened::Minimum, price: 1.0, curvature: 0.1 };
 
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
     /// Solves (18) for what a contact asks. `expired` is called before and between solver
@@ -85,7 +84,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // shall bias it.
         let inward = surface.outward_speed(&sample.twist_reference).min(0.0);
         let wanted_offset = surface.normal * if holds { -inward } else { 0.0 };
-        let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation);
+        // A force set point below f_min would lean on the price of the lower bound with all its weight: an
+        // error of the model would throw the arm from one to the other.
+        let along_normal = |bound: &AxisBound| bound.minimum / surface.normal[bound.axis].abs();
+        let kept = if is_soft { bounds.as_slice().iter().map(along_normal).fold(0.0, f64::max) } else { 0.0 };
+        let normal_force = options.normal_force_reference.max(kept);
+        let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
             let way = (&(sample.twist_reference + output.offset()), &sample.twist_reference);
             constraints.bound_inward_speed(demand.inward_speed, &surface.normal, known_twist, way, options.steps());
@@ -100,7 +104,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             set_point: SetPoint {
                 joint_position: sample.joint_position_reference,
                 joint_velocity: situation.joint_velocity(&(sample.twist_reference + wanted_offset)),
-                wrench: surface.normal * -options.normal_force_reference,
+                wrench: surface.normal * -normal_force,
                 input: wanted_offset,
             },
             weights: &options.weights,

@@ -27,6 +27,7 @@ pub struct ForcePoint<const N: usize> {
 #[derive(Debug, Clone)]
 pub struct Horizon<const N: usize, const D: usize> {
     steps: [Step<N, D>; MAX_STEPS],
+    velocity_time_constant: SVector<f64, N>,
     /// Start of each step in s from the sample.
     starts: [f64; MAX_STEPS],
     /// Length of each step over the mean length.
@@ -69,6 +70,7 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
         };
         let mut horizon = Self {
             steps: [stretch(0.0); MAX_STEPS],
+            velocity_time_constant: *velocity_time_constant,
             starts: [0.0; MAX_STEPS],
             shares: [1.0; MAX_STEPS],
             len: durations.len().min(MAX_STEPS),
@@ -113,6 +115,11 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
     /// The steps.
     pub fn steps(&self) -> &[Step<N, D>] {
         &self.steps[..self.len]
+    }
+
+    /// T_V of each joint in s.
+    pub fn velocity_time_constant(&self) -> &SVector<f64, N> {
+        &self.velocity_time_constant
     }
 
     /// Whether all steps are of one length.

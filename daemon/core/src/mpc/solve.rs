@@ -4,10 +4,10 @@ use nalgebra::SVector;
 
 use super::condensation::{MpcRows, Prediction, condense};
 use super::constraints::{Constraints, ForceBounds};
+use super::model::State;
 use super::qp::{QpOutcome, QpSolver, kkt_residual};
 use super::verdict::{checked_infeasible, margin_of};
 use super::{Mpc, Settings, Situation, Solution};
-use crate::intake::Accepted;
 use crate::quantities::Span;
 use crate::robot::Interval;
 
@@ -93,12 +93,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
 
 impl<const N: usize, const D: usize> Settings<N, D> {
     /// Bounds of the force, and the limits of joints and of the inputs, which are offsets to ṗ0
-    /// minus `twist_reference`.
+    /// minus `twist_reference`, from the state in which the inputs begin to act.
     pub(super) fn constraints(
         &self,
         force: ForceBounds<D>,
         twist_reference: &SVector<f64, D>,
         situation: &Situation<'_, N, D>,
+        start: &State<N, D>,
     ) -> Constraints<N, D> {
         let limits = &self.limits;
         let rate = (limits.inward_rate.is_some() || limits.outward_rate.is_some()).then(|| {
@@ -117,27 +118,17 @@ impl<const N: usize, const D: usize> Settings<N, D> {
         Constraints {
             force,
             joint_speed: limits.joint_speed.map(|speed| Interval { lower: -speed, upper: speed }),
-            joint_position: limits.joint_position.as_ref().map(|limits| self.reachable(limits, situation.sample)),
+            rest_position: limits.joint_position.as_ref().map(|limits| self.reachable(limits, start)),
             offset: Some(Interval { lower: twist_reference - limits.offset, upper: twist_reference + limits.offset }),
             rate,
             normal_speed: None,
         }
     }
 
-    /// Position limits; where a joint is beyond one or cannot help passing it, what it reaches when
-    /// it coasts to standstill.
-    fn reachable(&self, limits: &Interval<N>, sample: &Accepted<N, D>) -> Interval<N> {
-        let coasted = |joint: usize| {
-            let lag = self.velocity_time_constant[joint] + self.timing.command_delay.seconds();
-            sample.joint_position[joint] + lag * sample.joint_velocity[joint]
-        };
-        let (low, high) = (
-            |joint: usize| coasted(joint).min(sample.joint_position[joint]),
-            |joint: usize| coasted(joint).max(sample.joint_position[joint]),
-        );
-        Interval {
-            lower: SVector::from_fn(|joint, _| limits.lower[joint].min(low(joint))),
-            upper: SVector::from_fn(|joint, _| limits.upper[joint].max(high(joint))),
-        }
+    /// Position limits; where a joint cannot help coming to rest beyond one, the place where it does: zero
+    /// reference keeps it there.
+    fn reachable(&self, limits: &Interval<N>, start: &State<N, D>) -> Interval<N> {
+        let rest = start.joint_position + self.velocity_time_constant.component_mul(&start.joint_velocity);
+        Interval { lower: limits.lower.inf(&rest), upper: limits.upper.sup(&rest) }
     }
 }

@@ -35,7 +35,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let start = situation.at_action(&settings, &ForceBounds::none());
         let twist_reference = &situation.sample.twist_reference;
         let known_twist = &[SVector::zeros(); MAX_STEPS][..steps.len()];
-        let mut constraints = settings.constraints(bounds(&settings, situation), twist_reference, situation);
+        let mut constraints =
+            settings.constraints(bounds(&settings, situation), twist_reference, situation, &start.state);
         // Standstill, or as close to it as the limits of the offset allow.
         let reach = &settings.limits.offset;
         let target = twist_reference + twist_reference.zip_map(reach, |twist, reach| (-twist).clamp(-reach, reach));

@@ -1,8 +1,6 @@
 //! The constraint rows against the simulated trajectory that they bound.
 
-use crate::common::problems::{
-    Numbers, Point, Problem, SLACK_UNIT, SLACKS, Shape, first_reached, largest, order, shapes, workspace,
-};
+use crate::common::problems::{Numbers, Point, Problem, SLACK_UNIT, SLACKS, Shape, largest, order, shapes, workspace};
 use admittance_core::mpc::condensation::{MpcRows, condense};
 use admittance_core::mpc::constraints::{Row, RowKind, Softened};
 use admittance_core::mpc::qp::{LANES, Rows, padded};
@@ -21,7 +19,7 @@ struct Bounded {
 fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D>, z: &[f64]) -> Vec<Bounded> {
     let (p, steps) = (&problem.prediction, &shape.steps);
     let (c, h) = (&p.constraints, steps.len());
-    let (speed, position) = (c.joint_speed.expect("all kinds"), c.joint_position.expect("all kinds"));
+    let (speed, position) = (c.joint_speed.expect("all kinds"), c.rest_position.expect("all kinds"));
     let (offset, rate) = (c.offset.expect("all kinds"), c.rate.expect("all kinds"));
     let (velocity_constant, estimate) = shape.time_constants();
     let states = problem.trajectory(z);
@@ -51,9 +49,9 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
         let value = along.normal.dot(&problem.input(z, k));
         push(RowKind::NormalSpeed, 0, k, value, along.least[k], f64::INFINITY);
     }
-    for k in first_reached(shape.discretization)..h {
-        let value = states[k + 1].joint_position;
-        (0..N).for_each(|i| push(RowKind::JointPosition, i, k, value[i], position.lower[i], position.upper[i]));
+    for k in 0..h {
+        let value = states[k + 1].joint_position + states[k + 1].joint_velocity.component_mul(&velocity_constant);
+        (0..N).for_each(|i| push(RowKind::RestPosition, i, k, value[i], position.lower[i], position.upper[i]));
     }
     let slack = p.slack.map(|_| *z.last().expect("the slack is a variable"));
     let softens = |softened| p.slack.is_some_and(|slack| slack.softened == softened);

@@ -58,7 +58,7 @@ impl Form {
                     let Some(bounded) = rows.layout.row(row) else { continue };
                     let acting = match bounded.kind {
                         RowKind::Force => 0..sequence.horizon.force_points()[bounded.instant].step + 1 - delay,
-                        RowKind::JointPosition => 0..bounded.instant + 1 - delay,
+                        RowKind::RestPosition => 0..bounded.instant + 1,
                         RowKind::Rate => bounded.instant.saturating_sub(1)..bounded.instant + 1,
                         _ => bounded.instant..bounded.instant + 1,
                     };

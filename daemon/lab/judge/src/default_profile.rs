@@ -259,7 +259,7 @@ fn approach_surface<const N: usize, const M: usize>(
             constraints: Constraints {
                 force,
                 joint_speed: Some(within(limits.speed)),
-                joint_position: Some(limits.position),
+                rest_position: Some(limits.position),
                 offset: None,
                 rate: Some(within(limits.rate)),
                 normal_speed: Some(NormalSpeed { normal, least: [-limits.inward_speed; MAX_STEPS] }),

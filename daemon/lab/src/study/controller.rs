@@ -97,7 +97,7 @@ pub(crate) fn controller_text(draw: &Draw, profile: Profile, variant: Variant) -
     let (contact, mpc) = match profile {
         Profile::Default => (
             "",
-            "position_weight = [0.0, 0.0]\nvelocity_weight = [1000.0, 1000.0]\nwrench_weight = [0.01, 0.01]\n\
+            "position_weight = [0.0, 0.0]\nvelocity_weight = [1000.0, 1000.0]\nwrench_weight = [1e-4, 1e-4]\n\
              input_weight = [10.0, 10.0]",
         ),
         Profile::Paper => (

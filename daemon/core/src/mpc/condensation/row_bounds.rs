@@ -132,14 +132,11 @@ impl<const N: usize, const D: usize, const M: usize> MpcRows<'_, N, D, M> {
                 |least: &f64| (SimdVector::ZERO, Weighted::<1> { lower: SimdVector::splat(*least), upper, weight });
             bounds.put(self.rows(RowKind::NormalSpeed), 1, speed.least.iter().map(bound));
         }
-        if let Some(interval) = &c.joint_position {
+        if let Some(interval) = &c.rest_position {
             let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
-            let reached = free.positions().skip(self.horizon.first_reached());
-            bounds.put(
-                self.rows(RowKind::JointPosition),
-                N,
-                reached.map(|position| (SimdVector::new(position), interval)),
-            );
+            let lag = self.horizon.velocity_time_constant();
+            let ends = (1..=steps.len()).map(|step| free.joints_at(step).rest_position(lag));
+            bounds.put(self.rows(RowKind::RestPosition), N, ends.map(|rest| (rest, interval)));
         }
         let (mut minimum, mut maximum, mut offset) = ([0.0; M], [0.0; M], [0.0; M]);
         for (index, bound) in c.force.as_slice().iter().enumerate() {

@@ -156,14 +156,14 @@ fn section<const K: usize>(values: &[f64], first: usize) -> SimdVector<K> {
 impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, M> {
     fn values(&self, z: &[f64], out: &mut [f64]) {
         // Sections follow one another in the order of their kinds.
-        let (speed, rest) = out.split_at_mut(self.rows(RowKind::JointSpeed).len());
-        let (offset, rest) = rest.split_at_mut(self.rows(RowKind::Offset).len());
-        let (rate, rest) = rest.split_at_mut(self.rows(RowKind::Rate).len());
-        let (normal, rest) = rest.split_at_mut(self.rows(RowKind::NormalSpeed).len());
-        let (position, rest) = rest.split_at_mut(self.rows(RowKind::JointPosition).len());
-        let (force, rest) = rest.split_at_mut(self.rows(RowKind::Force).len());
-        let (minimum, rest) = rest.split_at_mut(self.rows(RowKind::MinimumForce).len());
-        let (steps, slack, delay) = (self.horizon.steps(), self.slack(z), self.horizon.first_reached());
+        let (speed, others) = out.split_at_mut(self.rows(RowKind::JointSpeed).len());
+        let (offset, others) = others.split_at_mut(self.rows(RowKind::Offset).len());
+        let (rate, others) = others.split_at_mut(self.rows(RowKind::Rate).len());
+        let (normal, others) = others.split_at_mut(self.rows(RowKind::NormalSpeed).len());
+        let (rest, others) = others.split_at_mut(self.rows(RowKind::RestPosition).len());
+        let (force, others) = others.split_at_mut(self.rows(RowKind::Force).len());
+        let (minimum, others) = others.split_at_mut(self.rows(RowKind::MinimumForce).len());
+        let (steps, slack) = (self.horizon.steps(), self.slack(z));
         let inputs = z[..M * steps.len()].as_chunks::<M>().0;
         for (offset, u) in offset.as_chunks_mut::<M>().0.iter_mut().zip(inputs.iter().rev()) {
             *offset = *u;
@@ -177,11 +177,11 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
             *normal = self.along_normal(u);
         }
         let mut speed = speed.as_chunks_mut::<N>().0.iter_mut();
-        let mut position = position.as_chunks_mut::<N>().0.iter_mut();
+        let mut rest = rest.as_chunks_mut::<N>().0.iter_mut();
         let mut force = force.chunks_exact_mut(self.bounded.max(1));
         let mut minimum = minimum.chunks_exact_mut(self.bounded.max(1));
         let off_maximum = self.off_maximum(z);
-        let mut points = self.horizon.force_points();
+        let (mut points, lag) = (self.horizon.force_points(), self.horizon.velocity_time_constant());
         let mut joints = Joints::<N>::ZERO;
         for ((k, step), u) in steps.iter().enumerate().zip(inputs.iter().rev()) {
             let reference = self.inputs.times(SimdVector::new(u));
@@ -201,14 +201,12 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 points = later;
             }
             joints.advance(step, reference);
-            if k >= delay
-                && let Some(position) = position.next()
-            {
-                *position = joints.position.array();
+            if let Some(rest) = rest.next() {
+                *rest = joints.rest_position(lag).array();
             }
         }
         if self.prediction.slack.is_some() {
-            rest[0] = z[self.variables() - 1];
+            others[0] = z[self.variables() - 1];
         }
     }
 
@@ -221,10 +219,9 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         // An input that does not act at once has no coefficient in its own step.
         let delay = self.horizon.first_reached();
         let first = match kind {
-            RowKind::JointSpeed | RowKind::Offset | RowKind::Rate | RowKind::NormalSpeed => {
+            RowKind::JointSpeed | RowKind::Offset | RowKind::Rate | RowKind::NormalSpeed | RowKind::RestPosition => {
                 self.inputs_of(instant).start
             }
-            RowKind::JointPosition => self.inputs_of(instant - delay).start,
             RowKind::Force | RowKind::MinimumForce => {
                 self.inputs_of(self.horizon.force_points()[instant].step - delay).start
             }
@@ -248,10 +245,14 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
             RowKind::NormalSpeed => {
                 out[first..].iter_mut().zip(self.normal.array()).for_each(|(value, normal)| *value = normal);
             }
-            RowKind::JointPosition => {
-                let mut position = [0.0; N];
-                position[component] = 1.0;
-                self.sweep(Joints { position: SimdVector::new(&position), ..Joints::ZERO }, instant + 1, out);
+            RowKind::RestPosition => {
+                let mut joint = [0.0; N];
+                joint[component] = 1.0;
+                self.sweep(
+                    Joints::resting(self.horizon.velocity_time_constant(), SimdVector::new(&joint)),
+                    instant + 1,
+                    out,
+                );
             }
             RowKind::Force | RowKind::MinimumForce => {
                 let gradient = self.gradient_of(component);
@@ -276,13 +277,15 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
 
     fn add_transposed(&self, multipliers: &[f64], out: &mut [f64]) {
         let mut costate = Joints::<N>::ZERO;
-        let points = self.horizon.force_points();
+        let (points, lag) = (self.horizon.force_points(), self.horizon.velocity_time_constant());
         let mut instant = if self.at(RowKind::Force, 0).is_some() { points.len() } else { 0 };
         let mut slack = 0.0;
         let off_maximum = if self.prediction.softened() == Some(Softened::Maximum) { SLACK_UNIT } else { 0.0 };
         for (k, step) in self.horizon.steps().iter().enumerate().rev() {
-            if let Some(row) = self.at(RowKind::JointPosition, k) {
-                costate.position = costate.position.plus(section(multipliers, row));
+            if let Some(row) = self.at(RowKind::RestPosition, k) {
+                let resting = Joints::resting(lag, section(multipliers, row));
+                costate.position = costate.position.plus(resting.position);
+                costate.velocity = costate.velocity.plus(resting.velocity);
             }
             let mut reference = costate.back(step);
             while instant > 0 && points[instant - 1].step == k {

@@ -183,6 +183,18 @@ impl<const N: usize> Joints<N> {
         self.velocity = self.velocity.times_plus(SimdVector::of(&step.velocity_decay), pushed);
     }
 
+    /// Where the joints would come to rest under zero reference: q + T_V q̇.
+    #[inline(always)]
+    pub(super) fn rest_position(&self, velocity_time_constant: &SVector<f64, N>) -> SimdVector<N> {
+        self.velocity.times_plus(SimdVector::of(velocity_time_constant), self.position)
+    }
+
+    /// For sensitivities: those to q and q̇ of one to [`Self::rest_position`].
+    #[inline(always)]
+    pub(super) fn resting(velocity_time_constant: &SVector<f64, N>, position: SimdVector<N>) -> Self {
+        Self { position, velocity: position.times(SimdVector::of(velocity_time_constant)) }
+    }
+
     /// For sensitivities: one step back. Returns the sensitivity to the reference during the step.
     #[inline(always)]
     pub(super) fn back<const D: usize>(&mut self, step: &Step<N, D>) -> SimdVector<N> {

@@ -40,11 +40,6 @@ impl<'a, const N: usize, const M: usize> FreeTrajectory<'a, N, M> {
     pub(super) fn joints_at(&self, step: usize) -> Joints<N> {
         joints_of(&self.joints[step])
     }
-
-    /// q at the end of every step.
-    pub(super) fn positions(&self) -> impl Iterator<Item = &[f64; N]> {
-        self.joints.iter().skip(1).map(|[position, _]| position)
-    }
 }
 
 /// The constants of the wrench estimates for the axes that have one, in their order; of the others

@@ -248,7 +248,7 @@ impl Shape {
             constraints: Constraints {
                 force,
                 joint_speed: Some(numbers.interval(3.0)),
-                joint_position: Some(numbers.interval(2.0)),
+                rest_position: Some(numbers.interval(2.0)),
                 offset: Some(numbers.interval(0.5)),
                 rate: Some(numbers.interval(20.0)),
                 normal_speed: Some(NormalSpeed {

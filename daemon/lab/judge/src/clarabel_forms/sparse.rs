@@ -239,11 +239,12 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
                 self.form.bounds.push(sign * (limits[joint] - problem.known_reference[step][joint]));
             }
         }
-        if let Some(interval) = &problem.constraints.joint_position {
+        if let Some(interval) = &problem.constraints.rest_position {
             let limits = if sign > 0.0 { &interval.upper } else { &interval.lower };
-            let first = self.sequence.horizon.first_reached();
-            for (step, joint) in (first..self.steps()).flat_map(|step| (0..N).map(move |joint| (step, joint))) {
+            let lag = self.sequence.horizon.velocity_time_constant();
+            for (step, joint) in (0..self.steps()).flat_map(|step| (0..N).map(move |joint| (step, joint))) {
                 self.push(self.state(step + 1) + joint, sign);
+                self.push(self.state(step + 1) + N + joint, sign * lag[joint]);
                 self.form.bounds.push(sign * limits[joint]);
             }
         }

@@ -13,7 +13,7 @@ const SEEDS: u64 = 4;
 const CLARABEL_DEVIATION: f64 = 3e-4;
 
 /// Kinds of rows that act in every sequence; those of the normal speed do in some.
-const KINDS: [RowKind; 4] = [RowKind::Force, RowKind::Rate, RowKind::JointSpeed, RowKind::JointPosition];
+const KINDS: [RowKind; 4] = [RowKind::Force, RowKind::Rate, RowKind::JointSpeed, RowKind::RestPosition];
 /// In how many problems of it, at the least.
 const PROBLEMS_WITH: usize = 5;
 
@@ -60,7 +60,7 @@ fn check<const N: usize, const M: usize>(name: &str, sequence: &Sequence<N, M>) 
         count(RowKind::Rate),
         count(RowKind::NormalSpeed),
         count(RowKind::JointSpeed),
-        count(RowKind::JointPosition),
+        count(RowKind::RestPosition),
         f64::from(total) / PROBLEMS as f64,
     );
     println!("{name}: problems with active rows {problems_with:?}");
