@@ -22,6 +22,8 @@ pub struct ArmPose {
     /// J⁻¹, row by row: joint velocity in rad/s per unit of each task axis; empty where the arm is
     /// singular.
     inverse_jacobian: Vec<Vec<f64>>,
+    /// J, column by column: twist of the TCP per joint velocity.
+    jacobian: Vec<Vec<f64>>,
 }
 
 impl ArmPose {
@@ -31,6 +33,17 @@ impl ArmPose {
         let rows = self.inverse_jacobian.iter();
         let velocity = rows.map(|row| row.iter().zip(twist).map(|(inverse, speed)| inverse * speed).sum());
         (!self.inverse_jacobian.is_empty()).then(|| velocity.collect())
+    }
+
+    /// The twist with the largest speed along `direction` (base frame) that keeps the speed limits of the
+    /// joints in rad/s: each joint at its limit, the way that helps. `None` where the arm is singular.
+    pub fn fastest_twist(&self, direction: &[f64; 3], limits_rad_s: &[f64]) -> Option<Vec<f64>> {
+        let mut twist = vec![0.0; self.jacobian.first()?.len()];
+        for (column, limit) in self.jacobian.iter().zip(limits_rad_s) {
+            let lever: f64 = column.iter().zip(direction).map(|(moved, along)| moved * along).sum();
+            twist.iter_mut().zip(column).for_each(|(twist, moved)| *twist += moved * limit.copysign(lever));
+        }
+        (!self.inverse_jacobian.is_empty()).then_some(twist)
     }
 }
 
@@ -67,7 +80,8 @@ fn find_arm<const N: usize, const D: usize>(
         position = inverse_kinematics::<N, D>(&chain, &position, &target)?;
     }
     let kinematics = chain.kinematics(&position);
-    let inverse = right_inverse(&kinematics.task_jacobian::<D>(), MINIMUM_RECIPROCAL_CONDITION);
+    let jacobian = kinematics.task_jacobian::<D>();
+    let inverse = right_inverse(&jacobian, MINIMUM_RECIPROCAL_CONDITION);
     let (reciprocal_condition, inverse_jacobian) = match inverse {
         Ok(inverse) => {
             let rows = inverse.matrix.row_iter().map(|row| row.iter().copied().collect());
@@ -80,6 +94,7 @@ fn find_arm<const N: usize, const D: usize>(
         tcp_position_m: kinematics.pose.position.into(),
         reciprocal_condition,
         inverse_jacobian,
+        jacobian: jacobian.column_iter().map(|column| column.iter().copied().collect()).collect(),
     })
 }
 

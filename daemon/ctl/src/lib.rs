@@ -7,6 +7,7 @@ mod doctor;
 mod limits;
 pub mod offline;
 pub mod parallel;
+pub mod plausible;
 mod record;
 pub mod recording;
 mod replay;

@@ -89,7 +89,9 @@ fn joint_position() {
         experiment.config.limits.joint_position_min_rad = Some(min);
         experiment.config.limits.joint_position_max_rad = Some(max);
         let run = experiment.run();
-        hit_and_held(name, &run, |at, _| least(rest_positions(&experiment, at).iter().map(|q| sign * (limit - q[joint]))));
+        hit_and_held(name, &run, |at, _| {
+            least(rest_positions(&experiment, at).iter().map(|q| sign * (limit - q[joint])))
+        });
         let beyond = run.instants.iter().filter(|at| at.is_in(Mode::Contact));
         let beyond = beyond.map(|at| sign * (at.truth.joint_position[joint] - limit)).fold(f64::NEG_INFINITY, f64::max);
         assert!(beyond <= 1e-6, "{name}: the joint passes its limit by {beyond} rad");

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use admittance_runner::config::Config;
 
 use crate::{Exit, offline, parallel, validate};
-use approach::Approach;
+pub(crate) use approach::Approach;
+pub(crate) use cell::{FORCE_TOLERANCE_N, limited_axes};
 use table::Limits;
 
 /// Factors of the configured stiffness, and cycle times in s, that are looked at unless others are
@@ -127,6 +128,25 @@ fn accepted(
         return Err((Exit::Usage, format!("{option}: {} values, accepted: 1 to {longest}", list.len())));
     }
     Ok(list.to_vec())
+}
+
+/// The configuration at a cycle time, and its highest safe speed in m/s on the stiffness that it believes.
+///
+/// # Errors
+/// What cannot be simulated, and that no speed is safe.
+pub(crate) fn highest_safe_speed(
+    base: &Config,
+    approach: &Approach,
+    sampling_time_s: f64,
+    instants: u32,
+) -> Result<(Config, f64), String> {
+    let stiffness = base.environment.normal_stiffness_n_m;
+    let config = cell::config_for(base, sampling_time_s, stiffness)?;
+    let found = cell::cell(base, approach, sampling_time_s, stiffness, instants)?;
+    match found.speed_m_s {
+        Some(speed) if speed > 0.0 => Ok((config, speed)),
+        _ => Err(format!("no speed is safe: {}", found.limited_by)),
+    }
 }
 
 /// All cells.

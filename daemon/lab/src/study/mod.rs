@@ -8,6 +8,7 @@ mod closed_loop;
 mod controller;
 mod draw;
 mod ocp;
+mod robustness;
 mod single_case;
 mod speed_figure;
 mod statistics;
@@ -41,6 +42,14 @@ enum What {
         Timid: infeasible though attainable, at once or later. Withdrawn: feasible first, infeasible later. The same seed gives the same \
         answer, whatever the number of threads.")]
     Verdict(VerdictArgs),
+    /// Press in worlds that a careful commissioning leaves open: stiffness, tilt, speed loops, delays,
+    /// lags, friction, damping and noise as nobody told them.
+    #[command(after_help = "Examples:\n  admittance-lab study robustness --runs 1200 --seed 1\n  \
+        admittance-lab study robustness --seed 1 --index 17\n\n\
+        Over limit: a true force above its limit by more than 0.5 N. Unattainable: full outward speed from the first active \
+        sample on would not have kept it either. False stop: a stop although full outward speed keeps the limit. Silent: over \
+        the limit without a stop or an infeasible verdict. Losses count from 50 ms after the first touch.")]
+    Robustness(robustness::Args),
     /// Say all about one contact of a verdict study.
     #[command(after_help = "Example:\n  admittance-lab study case --seed 1 --index 42 --save /tmp/case-42")]
     Case(CaseArgs),
@@ -74,6 +83,7 @@ struct CaseArgs {
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     match &args.what {
         What::Verdict(args) => verdict(args),
+        What::Robustness(args) => robustness::run(args),
         What::Case(args) => one_of_them(args),
     }
 }

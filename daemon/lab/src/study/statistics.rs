@@ -93,7 +93,7 @@ pub(crate) struct Distribution {
 }
 
 impl Distribution {
-    fn of(mut values: Vec<f64>) -> Option<Self> {
+    pub(crate) fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let rank = |share: f64| values.get(((share * values.len() as f64).ceil() as usize).max(1) - 1).copied();
         Some(Self { median: rank(0.5)?, p99: rank(0.99)?, max: rank(1.0)? })

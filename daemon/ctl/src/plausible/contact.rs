@@ -1,0 +1,148 @@
+//! A contact of the daemon's cycle with a plant in virtual time, and what full outward speed would
+//! have attained in it.
+
+use admittance_runner::config::Config;
+use admittance_runner::cycle;
+use admittance_runner::virtual_time::{Step, VirtualTime};
+use ipc_types::{CommandSample, Motion, StopReason, TruthSample, Verdict, VirtualPlant};
+use plant_sim::pose;
+use plant_sim::run::VirtualRun;
+use plant_sim::scenario::Scenario;
+
+use crate::limits::{FORCE_TOLERANCE_N, limited_axes};
+
+/// Losses of contact count from so long after the first touch, in s: the first impact is over.
+const IMPACT_S: f64 = 0.05;
+/// Outward speed is kept up for so long after the first active sample, in s.
+const OUTWARD_S: f64 = 0.1;
+
+/// What a contact showed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Largest true force over its limit, of all limited axes.
+    pub peak_ratio: f64,
+    /// The same if every joint had gone outward at its speed limit from the first active sample on.
+    pub attainable_ratio: f64,
+    /// Whether the largest force is above its limit by more than a limit's tolerance.
+    pub is_over: bool,
+    /// The same of full outward speed.
+    pub is_over_outward: bool,
+    /// Times that contact ended after the first impact, before any stop.
+    pub late_losses: u32,
+    /// Why the controller stopped; `None` where it did not.
+    pub stop_reason: Option<StopReason>,
+    /// Whether any verdict was infeasible.
+    pub is_infeasible: bool,
+}
+
+impl Contact {
+    /// A stop although full outward speed keeps the limit.
+    pub fn is_false_stop(&self) -> bool {
+        self.stop_reason.is_some() && !self.is_over_outward
+    }
+
+    /// Above the limit, and nothing said so.
+    pub fn is_silent(&self) -> bool {
+        self.is_over && self.stop_reason.is_none() && !self.is_infeasible
+    }
+
+    /// Whether something is wrong that the controller could have avoided.
+    pub fn is_bad(&self) -> bool {
+        (self.is_over && !self.is_over_outward) || self.late_losses > 0 || self.is_false_stop()
+    }
+}
+
+/// The largest force over its limit, and whether that is more than the tolerance.
+#[derive(Debug, Clone, Copy, Default)]
+struct Peak {
+    ratio: f64,
+    is_over: bool,
+}
+
+impl Peak {
+    fn see(&mut self, config: &Config, truth: &TruthSample) {
+        for (axis, limit) in limited_axes(config) {
+            let force = truth.peak_wrench[axis].abs();
+            self.ratio = self.ratio.max(force / limit);
+            self.is_over |= force > limit + FORCE_TOLERANCE_N;
+        }
+    }
+}
+
+/// Runs the controller against the plant to the end of its motion.
+///
+/// # Errors
+/// What controller or plant do not accept.
+pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
+    let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
+    let mut run = VirtualTime::new(cycle::build(config)?, plant);
+    let (mut peak, mut touched_s, mut losses, mut late_losses) = (Peak::default(), None, 0, 0);
+    let (mut stop_reason, mut is_infeasible) = (None, false);
+    while let Some(Step { command, truth, .. }) = run.step()? {
+        peak.see(config, &truth);
+        if truth.in_contact == 1 {
+            touched_s.get_or_insert(truth.scenario_time_s);
+        }
+        let is_late = touched_s.is_some_and(|touched| truth.scenario_time_s > touched + IMPACT_S);
+        if is_late && stop_reason.is_none() {
+            late_losses += truth.contact_losses - losses;
+        }
+        losses = truth.contact_losses;
+        is_infeasible |= command.verdict == Verdict::Infeasible.code();
+        if command.stop_reason != StopReason::NONE && stop_reason.is_none() {
+            stop_reason = StopReason::from_code(command.stop_reason);
+        }
+    }
+    let outward = outward(config, scenario)?;
+    Ok(Contact {
+        peak_ratio: peak.ratio,
+        attainable_ratio: outward.ratio,
+        is_over: peak.is_over,
+        is_over_outward: outward.is_over,
+        late_losses,
+        stop_reason,
+        is_infeasible,
+    })
+}
+
+/// The peak when every joint goes outward at its speed limit from the first active sample on.
+fn outward(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
+    let Some(limits) = &config.limits.joint_speed_rad_s else {
+        return Err("without limits.joint_speed_rad_s nothing bounds what is attainable".to_owned());
+    };
+    let normal = scenario.surface.as_ref().map_or([0.0; 3], |surface| surface.normal);
+    let (joints, axes) = (scenario.robot.joint.len(), scenario.robot.task_axes as usize);
+    let mut plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
+    let (mut peak, mut active_s) = (Peak::default(), None);
+    while !plant.is_finished() {
+        let state = *plant.sample().ok_or("the plant published no sample")?;
+        let thresholds = &config.contact.activation_threshold;
+        let is_active = state.wrench.iter().zip(thresholds).any(|(force, threshold)| force.abs() > *threshold);
+        let mut command = CommandSample {
+            sequence: state.sequence,
+            boot_id: 1,
+            state_sequence: state.sequence,
+            state_stamp_ns: state.stamp_ns,
+            valid_until_ns: state.stamp_ns + 1_000_000_000,
+            joint_count: joints as u32,
+            motion: Motion::Offset.code(),
+            ..CommandSample::zeroed()
+        };
+        if is_active || active_s.is_some() {
+            let pose = pose::at(&scenario.robot, &state.joint_position[..joints]);
+            let twist = pose.and_then(|pose| pose.fastest_twist(&normal, limits)).ok_or("the arm is singular")?;
+            for axis in 0..axes {
+                command.velocity_offset[axis] = twist[axis] - state.twist_reference[axis];
+            }
+        }
+        let truth = plant.advance(Some(&command))?;
+        peak.see(config, &truth);
+        if is_active {
+            active_s.get_or_insert(truth.scenario_time_s);
+        }
+        if active_s.is_some_and(|active| truth.scenario_time_s > active + OUTWARD_S || truth.in_contact == 0) {
+            break;
+        }
+    }
+    Ok(peak)
+}

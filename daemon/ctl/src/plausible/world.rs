@@ -1,0 +1,181 @@
+//! A world as it may be where the configuration was filled in with care.
+
+use std::f64::consts::TAU;
+
+use plant_sim::scenario::{Scenario, VelocityLoopSection};
+use rand::{Rng, RngExt};
+use serde::Serialize;
+
+/// Ranges: factors of what was told, or values where nothing was told.
+const STIFFNESS: (f64, f64) = (0.5, 2.0);
+const TILT_RAD: f64 = 1.0 / 180.0 * std::f64::consts::PI;
+const TIME_CONSTANT: (f64, f64) = (0.75, 1.25);
+const DAMPING: (f64, f64) = (0.5, 1.0);
+const EXTRA_DELAY_S: f64 = 0.0015;
+const REPORT_LAG_S: f64 = 0.002;
+const FRICTION: f64 = 0.3;
+const SURFACE_DAMPING_N_S_M: f64 = 100.0;
+const NOISE_N: f64 = 0.5;
+
+/// What may differ from what was told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// Of the surface, along its normal.
+    Stiffness,
+    /// Where the surface points.
+    Normal,
+    /// Time constants of the speed loops.
+    SpeedLoops,
+    /// Speed loops of second order.
+    SecondOrder,
+    /// T_est of the wrench.
+    WrenchLag,
+    /// Commands act later.
+    Delay,
+    /// Joint velocities are reported late.
+    ReportLag,
+    /// On the surface.
+    Friction,
+    /// Of the surface, along its normal.
+    SurfaceDamping,
+    /// Of the wrench.
+    Noise,
+}
+
+impl Cause {
+    /// All.
+    pub const ALL: [Self; 10] = [
+        Self::Stiffness,
+        Self::Normal,
+        Self::SpeedLoops,
+        Self::SecondOrder,
+        Self::WrenchLag,
+        Self::Delay,
+        Self::ReportLag,
+        Self::Friction,
+        Self::SurfaceDamping,
+        Self::Noise,
+    ];
+}
+
+/// A world.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct World {
+    /// True stiffness over the one told.
+    pub stiffness_factor: f64,
+    /// Angle between the true normal and the one told, and about which direction it is tilted, rad.
+    pub tilt_rad: f64,
+    /// 0 to 2π.
+    pub tilt_direction_rad: f64,
+    /// True T_V of each joint over the one told.
+    pub time_constant_factor: Vec<f64>,
+    /// Damping of each joint's loop of second order; `None`: the loops are of first order.
+    pub damping: Option<Vec<f64>>,
+    /// True T_est over the one told.
+    pub wrench_lag_factor: f64,
+    /// By how much later than told commands act, s.
+    pub extra_delay_s: f64,
+    /// Lag of the reported joint velocities, s.
+    pub report_lag_s: f64,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+    /// Of the surface, N s/m.
+    pub surface_damping_n_s_m: f64,
+    /// Of the noise.
+    pub noise_seed: u64,
+    /// Instant of contact within a cycle, as a share of it.
+    pub contact_phase: f64,
+}
+
+impl World {
+    /// Draws one for an arm with so many joints.
+    pub fn draw(generator: &mut impl Rng, joints: usize) -> Self {
+        let mut share = || generator.random::<f64>();
+        let between = |(low, high): (f64, f64), share: f64| low + (high - low) * share;
+        Self {
+            stiffness_factor: STIFFNESS.0 * (STIFFNESS.1 / STIFFNESS.0).powf(share()),
+            tilt_rad: TILT_RAD * share(),
+            tilt_direction_rad: TAU * share(),
+            time_constant_factor: (0..joints).map(|_| between(TIME_CONSTANT, share())).collect(),
+            damping: {
+                let damping: Vec<f64> = (0..joints).map(|_| between(DAMPING, share())).collect();
+                (share() < 0.5).then_some(damping)
+            },
+            wrench_lag_factor: between(TIME_CONSTANT, share()),
+            extra_delay_s: EXTRA_DELAY_S * share(),
+            report_lag_s: REPORT_LAG_S * share(),
+            friction: FRICTION * share(),
+            surface_damping_n_s_m: SURFACE_DAMPING_N_S_M * share(),
+            noise_seed: (share() * 1e9) as u64,
+            contact_phase: share(),
+        }
+    }
+
+    /// Makes the plant this world, as far as `is_on` says.
+    pub(super) fn apply(&self, scenario: &mut Scenario, is_on: impl Fn(Cause) -> bool) {
+        let planar = scenario.robot.task_axes == 2;
+        if let Some(surface) = &mut scenario.surface {
+            if is_on(Cause::Stiffness) {
+                surface.stiffness_n_m *= self.stiffness_factor;
+            }
+            if is_on(Cause::Normal) {
+                surface.normal = tilted(surface.normal, self.tilt_rad, self.tilt_direction_rad, planar);
+            }
+            if is_on(Cause::Friction) {
+                surface.friction = self.friction;
+            }
+            if is_on(Cause::SurfaceDamping) {
+                surface.damping_n_s_m = self.surface_damping_n_s_m;
+            }
+        }
+        if is_on(Cause::SpeedLoops) {
+            let lags = &mut scenario.robot.velocity_time_constant_s;
+            lags.iter_mut().zip(&self.time_constant_factor).for_each(|(lag, factor)| *lag *= factor);
+        }
+        scenario.velocity_loop = Some(VelocityLoopSection {
+            damping: self.damping.clone().filter(|_| is_on(Cause::SecondOrder)),
+            report_lag_s: if is_on(Cause::ReportLag) { self.report_lag_s } else { 0.0 },
+        });
+        if is_on(Cause::WrenchLag) {
+            scenario.wrench.time_constant_s.iter_mut().for_each(|lag| *lag *= self.wrench_lag_factor);
+        }
+        if is_on(Cause::Delay) {
+            scenario.timing.command_delay_s += self.extra_delay_s;
+        }
+        if is_on(Cause::Noise) {
+            (scenario.noise.wrench, scenario.noise.seed) = (NOISE_N, self.noise_seed);
+        }
+    }
+}
+
+/// A normal turned by `angle` towards `direction` (both rad), in the plane for a planar arm.
+fn tilted(normal: [f64; 3], angle: f64, direction: f64, planar: bool) -> [f64; 3] {
+    let n = nalgebra::Vector3::from(normal).normalize();
+    let axis = if planar {
+        nalgebra::Vector3::z_axis()
+    } else {
+        // Any direction across the normal, turned about it.
+        let across = n.cross(&nalgebra::Vector3::from_fn(|axis, _| f64::from(u8::from(axis == n.iamin()))));
+        let about = nalgebra::Rotation3::from_axis_angle(&nalgebra::Unit::new_normalize(n), direction);
+        nalgebra::Unit::new_normalize(about * across)
+    };
+    let angle = if planar { angle * direction.cos() } else { angle };
+    (nalgebra::Rotation3::from_axis_angle(&axis, angle) * n).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tilt_keeps_length_and_angle() {
+        for (normal, direction) in [([0.0, 0.0, 1.0], 0.3), ([0.6, 0.0, 0.8], 4.0), ([1.0, 0.0, 0.0], 2.0)] {
+            let turned = nalgebra::Vector3::from(tilted(normal, 0.01, direction, false));
+            assert!((turned.norm() - 1.0).abs() < 1e-12);
+            assert!((turned.angle(&nalgebra::Vector3::from(normal)) - 0.01).abs() < 1e-9);
+        }
+        let turned = tilted([0.0, 1.0, 0.0], 0.01, 0.0, true);
+        assert!(turned[2] == 0.0 && (turned[0] + 0.01f64.sin()).abs() < 1e-12, "{turned:?}");
+    }
+}

@@ -1,0 +1,167 @@
+//! From runs to figures.
+
+use std::collections::BTreeMap;
+
+use admittancectl::plausible::{Cause, Cell};
+use comfy_table::Table;
+use serde::Serialize;
+
+use super::super::statistics::Distribution;
+use super::{Run, SPEEDS};
+
+/// Runs to look at, at most.
+const MOST_EXAMPLES: usize = 10;
+
+/// The figures of some runs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Counts {
+    runs: usize,
+    /// Some force above its limit by more than 0.5 N.
+    over_limit: usize,
+    /// Those that full outward speed would not have kept either.
+    unattainable: usize,
+    /// Largest force over its limit.
+    worst_ratio: f64,
+    /// Contact lost later than 50 ms after the first touch, before any stop.
+    with_losses: usize,
+    /// Stopped although full outward speed keeps the limit.
+    false_stops: usize,
+    /// Above the limit without a stop or an infeasible verdict.
+    silent: usize,
+}
+
+impl Counts {
+    fn of<'a>(runs: impl Iterator<Item = &'a Run> + Clone) -> Self {
+        let count = |is: fn(&Run) -> bool| runs.clone().filter(|run| is(run)).count();
+        Self {
+            runs: runs.clone().count(),
+            over_limit: count(|run| run.contact.is_over),
+            unattainable: count(|run| run.contact.is_over_outward),
+            worst_ratio: runs.clone().map(|run| run.contact.peak_ratio).fold(0.0, f64::max),
+            with_losses: count(|run| run.contact.late_losses > 0),
+            false_stops: count(|run| run.contact.is_false_stop()),
+            silent: count(|run| run.contact.is_silent()),
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Speed {
+    /// Part of the speed that `limits` names.
+    speed: f64,
+    #[serde(flatten)]
+    counts: Counts,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct OfCell {
+    cell: &'static str,
+    /// What `limits` names, m/s.
+    speed_m_s: f64,
+    by_speed: Vec<Speed>,
+}
+
+/// Of the bad runs.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+struct OfCause {
+    /// Bad with this cause alone.
+    alone: usize,
+    /// Good without it.
+    cured: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Excess {
+    p99: f64,
+    max: f64,
+}
+
+/// The whole study.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Figures {
+    seed: u64,
+    #[serde(flatten)]
+    all: Counts,
+    /// Of the runs above the limit: the peak over that of full outward speed, or over the limit where
+    /// that one keeps it.
+    excess_over_attainable: Option<Excess>,
+    by_speed: Vec<Speed>,
+    by_cell: Vec<OfCell>,
+    /// Runs that are over the limit though attainable, lose contact late, or stop falsely.
+    bad: usize,
+    by_cause: BTreeMap<Cause, OfCause>,
+    /// Bad runs to look at.
+    examples: Vec<u64>,
+}
+
+fn by_speed<'a>(runs: impl Iterator<Item = &'a Run> + Clone) -> Vec<Speed> {
+    let of = |speed| Speed { speed, counts: Counts::of(runs.clone().filter(move |run| run.speed == speed)) };
+    SPEEDS.map(of).to_vec()
+}
+
+impl Figures {
+    pub(super) fn of(seed: u64, cells: &[(&'static str, Cell)], runs: &[Run]) -> Self {
+        let over = runs.iter().map(|run| run.contact).filter(|contact| contact.is_over);
+        let excess = over.map(|contact| contact.peak_ratio / contact.attainable_ratio.max(1.0)).collect();
+        let mut by_cause: BTreeMap<Cause, OfCause> = Cause::ALL.map(|cause| (cause, OfCause::default())).into();
+        for &(cause, alone, cured) in runs.iter().flat_map(|run| &run.causes) {
+            let of = by_cause.entry(cause).or_default();
+            of.alone += usize::from(alone);
+            of.cured += usize::from(cured);
+        }
+        let bad = || runs.iter().filter(|run| run.contact.is_bad());
+        Self {
+            seed,
+            all: Counts::of(runs.iter()),
+            excess_over_attainable: Distribution::of(excess).map(|of| Excess { p99: of.p99, max: of.max }),
+            by_speed: by_speed(runs.iter()),
+            by_cell: cells
+                .iter()
+                .map(|(name, cell)| OfCell {
+                    cell: name,
+                    speed_m_s: cell.highest_speed_m_s,
+                    by_speed: by_speed(runs.iter().filter(|run| run.cell == *name)),
+                })
+                .collect(),
+            bad: bad().count(),
+            by_cause,
+            examples: bad().map(|run| run.index).take(MOST_EXAMPLES).collect(),
+        }
+    }
+
+    /// As text.
+    pub(super) fn table(&self) -> String {
+        let mut table = Table::new();
+        table.set_header([
+            "cell",
+            "m/s",
+            "runs",
+            "over limit",
+            "unattainable",
+            "worst ratio",
+            "with losses",
+            "false stops",
+            "silent",
+        ]);
+        let mut row = |name: &str, speed: String, of: &Counts| {
+            let counts = [of.with_losses, of.false_stops, of.silent].map(|count| count.to_string());
+            let head = [name.to_owned(), speed, of.runs.to_string(), of.over_limit.to_string()];
+            let ratio = [of.unattainable.to_string(), format!("{:.3}", of.worst_ratio)];
+            table.add_row(head.into_iter().chain(ratio).chain(counts));
+        };
+        for cell in &self.by_cell {
+            for of in &cell.by_speed {
+                row(cell.cell, format!("{:.3}", of.speed * cell.speed_m_s), &of.counts);
+            }
+        }
+        for of in &self.by_speed {
+            row("all", format!("x {}", of.speed), &of.counts);
+        }
+        let causes = self.by_cause.iter().map(|(cause, of)| format!("\n  {cause:?}: {}, {}", of.alone, of.cured));
+        let causes: String = causes.collect();
+        format!(
+            "{table}\n{} of {} runs are bad (seed {}), for example {:?}; bad with one cause alone, good without it:{causes}",
+            self.bad, self.all.runs, self.seed, self.examples
+        )
+    }
+}

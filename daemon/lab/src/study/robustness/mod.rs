@@ -1,0 +1,99 @@
+//! `admittance-lab study robustness`: what remains of the law's promises in the worlds that a careful
+//! commissioning leaves open.
+
+mod cells;
+mod figures;
+
+use admittancectl::plausible::{Cause, Cell, Contact, World, press};
+use admittancectl::{Exit, offline, parallel};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use figures::Figures;
+
+/// Parts of the highest safe speed with the model as told.
+const SPEEDS: [f64; 3] = [1.0, 0.5, 0.25];
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Number of random worlds.
+    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    runs: u64,
+    /// Seed of the random worlds.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Only this cell; all of them when absent.
+    #[arg(long, value_parser = cells::NAMES)]
+    cell: Option<String>,
+    /// Only this run, and all about it.
+    #[arg(long)]
+    index: Option<u64>,
+    #[command(flatten)]
+    options: offline::Options,
+}
+
+/// A contact in a random world.
+#[derive(Debug, Clone)]
+pub(crate) struct Run {
+    /// Number of the run.
+    index: u64,
+    /// Its cell.
+    cell: &'static str,
+    /// Part of the highest safe speed.
+    speed: f64,
+    /// What it showed.
+    contact: Contact,
+    /// Of a bad contact, for each cause: whether it is bad with that cause alone, and whether it is good
+    /// without it.
+    causes: Vec<(Cause, bool, bool)>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
+    let (options, threads) = (&args.options, args.options.threads());
+    if options.wants_figure() {
+        return Err((Exit::Usage, "--figure: accepted by `study verdict` alone".to_owned()));
+    }
+    let internal = |why| (Exit::Internal, why);
+    let cells = cells::all(args.cell.as_deref(), threads).map_err(internal)?;
+    if let Some(index) = args.index {
+        print!("{}", describe(&cells, args.seed, index).map_err(internal)?);
+        return Ok(Exit::Ok);
+    }
+    let runs =
+        parallel::map(args.runs, threads, "contacts", |index| one(&cells, args.seed, index)).map_err(internal)?;
+    let figures = Figures::of(args.seed, &cells, &runs);
+    options.print(&figures, || figures.table())?;
+    Ok(Exit::Ok)
+}
+
+/// The cell, the part of its speed, and the world of a run: cells take turns, and so do speeds.
+fn draw<'a>(cells: &'a [(&'static str, Cell)], seed: u64, index: u64) -> (&'a (&'static str, Cell), f64, World) {
+    let count = cells.len() as u64;
+    let cell = &cells[(index % count) as usize];
+    let speed = SPEEDS[(index / count) as usize % SPEEDS.len()];
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    generator.set_stream(index);
+    let world = World::draw(&mut generator, cell.1.config().robot.joint.len());
+    (cell, speed, world)
+}
+
+fn one(cells: &[(&'static str, Cell)], seed: u64, index: u64) -> Result<Run, String> {
+    let ((name, cell), speed, world) = draw(cells, seed, index);
+    let press = |is_on: &dyn Fn(Cause) -> bool| {
+        let scenario = cell.scenario(&world, speed * cell.highest_speed_m_s, is_on);
+        press(cell.config(), &scenario).map_err(|why| format!("run {index} of seed {seed}, {name}: {why}"))
+    };
+    let contact = press(&|_| true)?;
+    let mut causes = Vec::new();
+    for cause in Cause::ALL.into_iter().filter(|_| contact.is_bad()) {
+        causes.push((cause, press(&|other| other == cause)?.is_bad(), !press(&|other| other != cause)?.is_bad()));
+    }
+    Ok(Run { index, cell: name, speed, contact, causes })
+}
+
+fn describe(cells: &[(&'static str, Cell)], seed: u64, index: u64) -> Result<String, String> {
+    let ((name, cell), speed, world) = draw(cells, seed, index);
+    let run = one(cells, seed, index)?;
+    let named = speed * cell.highest_speed_m_s;
+    Ok(format!("{name}, {speed} of its speed: {named:.3} m/s\n{world:#?}\n{:#?}\n{:#?}\n", run.contact, run.causes))
+}
