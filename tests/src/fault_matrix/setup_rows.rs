@@ -210,7 +210,7 @@ fn models() -> Vec<Row> {
         ),
         Row {
             fault: "The solver does not converge.",
-            daemon: &[("mpc.max_iterations", "5")],
+            daemon: &[("mpc.max_iterations", "5"), ("mpc.wrench_weight", "[0.01, 0.01]")],
             timeline: Timeline { approach: 0.1, press: 1.6, ..TIMELINE },
             ..row(
                 "solver_fails",

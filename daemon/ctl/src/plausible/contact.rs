@@ -111,7 +111,7 @@ fn outward(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
         return Err("without limits.joint_speed_rad_s nothing bounds what is attainable".to_owned());
     };
     let normal = scenario.surface.as_ref().map_or([0.0; 3], |surface| surface.normal);
-    let (joints, axes) = (scenario.robot.joint.len(), scenario.robot.task_axes as usize);
+    let joints = scenario.robot.joint.len();
     let mut plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let (mut peak, mut active_s) = (Peak::default(), None);
     while !plant.is_finished() {
@@ -131,8 +131,8 @@ fn outward(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
         if is_active || active_s.is_some() {
             let pose = pose::at(&scenario.robot, &state.joint_position[..joints]);
             let twist = pose.and_then(|pose| pose.fastest_twist(&normal, limits)).ok_or("the arm is singular")?;
-            for axis in 0..axes {
-                command.velocity_offset[axis] = twist[axis] - state.twist_reference[axis];
+            for ((offset, twist), known) in command.velocity_offset.iter_mut().zip(twist).zip(state.twist_reference) {
+                *offset = twist - known;
             }
         }
         let truth = plant.advance(Some(&command))?;

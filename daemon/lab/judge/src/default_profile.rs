@@ -258,7 +258,7 @@ fn approach_surface<const N: usize, const M: usize>(
             known_reference: vec![commanded; STEPS.len()],
             constraints: Constraints {
                 force,
-                joint_speed: Some(within(limits.speed)),
+                joint_speed: Some(limits.speed),
                 rest_position: Some(limits.position),
                 offset: None,
                 rate: Some(within(limits.rate)),
