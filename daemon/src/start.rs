@@ -80,6 +80,7 @@ fn run(args: Args) -> Result<ExitCode, (ExitCode, String)> {
         config.robot.name,
         config.control.sampling_time_s
     );
+    config.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
 
     let (realtime_end, service_end) = channel();
     let thread = RealtimeThread {

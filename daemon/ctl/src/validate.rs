@@ -31,10 +31,14 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     }
     let mut worst = Exit::Ok;
     for file in &args.files {
-        let outcome = if args.scenario {
+        let outcome: Result<Result<(), String>, LoadError> = if args.scenario {
             config::load::<Scenario>(file).map(|_| Ok(()))
         } else {
-            config::load::<Config>(file).map(|config| check(&config))
+            config::load::<Config>(file).map(|config| {
+                check(&config)?;
+                config.warnings().iter().for_each(|warning| eprintln!("{}: warning: {warning}", file.display()));
+                Ok(())
+            })
         };
         match outcome {
             Ok(Ok(())) => println!("{}: valid", file.display()),

@@ -35,6 +35,7 @@ impl ServiceThread {
         }
         let changes = Settings::of(&self.config).changes(&Settings::of(&new));
         self.hand_over(new.clone(), Replacement::Reload, until)?;
+        new.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
         self.file = new;
         let what = if changes.is_empty() { String::new() } else { format!(": {}", changes.join(", ")) };
         Ok(format!("the new configuration is in force{what}"))

@@ -51,8 +51,24 @@ pub(crate) struct Limits {
     pub(crate) stiffnesses_n_m: Vec<f64>,
     /// Row by row.
     pub(crate) cells: Vec<Cell>,
+    /// For the cell as configured; `None` where no speed is safe even there.
+    recommended: Option<Recommended>,
     /// Notes on the figures.
     notes: Vec<String>,
+}
+
+/// The speed to approach at with the configuration as it is.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Recommended {
+    /// Highest speed in m/s at which in none of the random worlds a force exceeded its limit or the
+    /// controller stopped; 0 when there is none.
+    pub(super) speed_m_s: f64,
+    /// Highest safe speed with the model as told, m/s.
+    pub(super) as_told_m_s: f64,
+    /// What comes first above it.
+    pub(super) limited_by: String,
+    /// Random worlds.
+    pub(super) worlds: u64,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -63,7 +79,13 @@ struct ForceLimit {
 
 impl Limits {
     /// What was found, in the order of the table.
-    pub(crate) fn new(path: &Path, config: &Config, question: &Question, mut cells: Vec<Cell>) -> Self {
+    pub(crate) fn new(
+        path: &Path,
+        config: &Config,
+        question: &Question,
+        mut cells: Vec<Cell>,
+        recommended: Option<Recommended>,
+    ) -> Self {
         let Question { approach, stiffnesses_n_m, sampling_times_s, instants } = question;
         cells.sort_by(|a, b| {
             b.sampling_time_s.total_cmp(&a.sampling_time_s).then(a.stiffness_n_m.total_cmp(&b.stiffness_n_m))
@@ -89,6 +111,7 @@ impl Limits {
             time_after_contact_s: AFTER_CONTACT_S,
             sampling_times_s: sampling_times_s.clone(),
             stiffnesses_n_m: stiffnesses_n_m.clone(),
+            recommended,
             notes: notes(config, question, &cells),
             cells,
         }
@@ -175,13 +198,22 @@ pub(crate) fn text(limits: &Limits) -> String {
          Safe: at each of {} instants of contact within a cycle, and for {} s from then on, the true force is at most {} \
          (+ {} N), the contact is not lost, and the controller neither stops nor refuses a sample. Each answer is a speed \
          that was tried, the next higher one tried is not safe and at most {:.1} % above it; speeds below were tried down to \
-         half. The simulated robot is exactly what the configuration says, without noise and late cycles: keep a margin.",
+         half. The simulated robot is exactly what the configuration says, without noise and late cycles.",
         limits.instants,
         limits.time_after_contact_s,
         bounds.join(", "),
         limits.force_tolerance_n,
         100.0 * (search::RESOLUTION - 1.0) + 0.5,
     );
+    if let Some(found) = &limits.recommended {
+        let speed = if found.speed_m_s > 0.0 { format!("{} m/s", found.speed_m_s) } else { "none".to_owned() };
+        let _ = write!(
+            text,
+            "\n\nRecommended as configured: {speed} ({} m/s with the model exactly as told). In {} random worlds that a careful \
+             commissioning leaves open (see --help) no force exceeds its limit and nothing stops; above it comes: {}.",
+            found.as_told_m_s, found.worlds, found.limited_by
+        );
+    }
     for note in &limits.notes {
         let _ = write!(text, "\nNote: {note}");
     }
@@ -243,7 +275,9 @@ pub(super) mod tests {
             cell(0.004, 3e5, None, None),
             cell(0.004, 1e5, Some(0.456), Some(0.46)),
         ];
-        Limits::new(Path::new("cell.toml"), &config, &question, cells)
+        let recommended =
+            Recommended { speed_m_s: 0.2, as_told_m_s: 0.456, limited_by: "stop: Infeasible".to_owned(), worlds: 100 };
+        Limits::new(Path::new("cell.toml"), &config, &question, cells, Some(recommended))
     }
 
     #[test]
@@ -258,6 +292,8 @@ pub(super) mod tests {
             "4 ms *",
             "0.25 ms",
             "0.456",
+            "Recommended as configured: 0.2 m/s (0.456 m/s with the model exactly as told)",
+            "above it comes: stop: Infeasible",
             ">= 1.23",
             "< 0.01",
             "contact lost",

@@ -21,12 +21,8 @@ const OUTWARD_S: f64 = 0.1;
 pub struct Contact {
     /// Largest true force over its limit, of all limited axes.
     pub peak_ratio: f64,
-    /// The same if every joint had gone outward at its speed limit from the first active sample on.
-    pub attainable_ratio: f64,
     /// Whether the largest force is above its limit by more than a limit's tolerance.
     pub is_over: bool,
-    /// The same of full outward speed.
-    pub is_over_outward: bool,
     /// Times that contact ended after the first impact, before any stop.
     pub late_losses: u32,
     /// Why the controller stopped; `None` where it did not.
@@ -36,27 +32,19 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// A stop although full outward speed keeps the limit.
-    pub fn is_false_stop(&self) -> bool {
-        self.stop_reason.is_some() && !self.is_over_outward
-    }
-
     /// Above the limit, and nothing said so.
     pub fn is_silent(&self) -> bool {
         self.is_over && self.stop_reason.is_none() && !self.is_infeasible
     }
-
-    /// Whether something is wrong that the controller could have avoided.
-    pub fn is_bad(&self) -> bool {
-        (self.is_over && !self.is_over_outward) || self.late_losses > 0 || self.is_false_stop()
-    }
 }
 
 /// The largest force over its limit, and whether that is more than the tolerance.
-#[derive(Debug, Clone, Copy, Default)]
-struct Peak {
-    ratio: f64,
-    is_over: bool,
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Peak {
+    /// The force over its limit.
+    pub ratio: f64,
+    /// Whether it is above it by more than a limit's tolerance.
+    pub is_over: bool,
 }
 
 impl Peak {
@@ -93,31 +81,26 @@ pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
             stop_reason = StopReason::from_code(command.stop_reason);
         }
     }
-    let outward = outward(config, scenario)?;
-    Ok(Contact {
-        peak_ratio: peak.ratio,
-        attainable_ratio: outward.ratio,
-        is_over: peak.is_over,
-        is_over_outward: outward.is_over,
-        late_losses,
-        stop_reason,
-        is_infeasible,
-    })
+    Ok(Contact { peak_ratio: peak.ratio, is_over: peak.is_over, late_losses, stop_reason, is_infeasible })
 }
 
-/// The peak when every joint goes outward at its speed limit from the first active sample on.
-fn outward(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
+/// The peak when every joint goes outward at its speed limit from the first active sample on: what is
+/// attainable.
+///
+/// # Errors
+/// What the plant does not accept, and a configuration without limits of the joints' speeds.
+pub fn outward(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
     let Some(limits) = &config.limits.joint_speed_rad_s else {
         return Err("without limits.joint_speed_rad_s nothing bounds what is attainable".to_owned());
     };
     let normal = scenario.surface.as_ref().map_or([0.0; 3], |surface| surface.normal);
     let joints = scenario.robot.joint.len();
     let mut plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
-    let (mut peak, mut active_s) = (Peak::default(), None);
+    let (mut peak, mut active_s, mut has_touched) = (Peak::default(), None, false);
     while !plant.is_finished() {
         let state = *plant.sample().ok_or("the plant published no sample")?;
         let thresholds = &config.contact.activation_threshold;
-        let is_active = state.wrench.iter().zip(thresholds).any(|(force, threshold)| force.abs() > *threshold);
+        let is_active = limited_axes(config).any(|(axis, _)| state.wrench[axis].abs() > thresholds[axis]);
         let mut command = CommandSample {
             sequence: state.sequence,
             boot_id: 1,
@@ -140,7 +123,9 @@ fn outward(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
         if is_active {
             active_s.get_or_insert(truth.scenario_time_s);
         }
-        if active_s.is_some_and(|active| truth.scenario_time_s > active + OUTWARD_S || truth.in_contact == 0) {
+        has_touched |= truth.in_contact == 1;
+        let has_left = has_touched && truth.in_contact == 0;
+        if active_s.is_some_and(|active| truth.scenario_time_s > active + OUTWARD_S || has_left) {
             break;
         }
     }

@@ -4,13 +4,22 @@
 mod contact;
 mod world;
 
-pub use contact::{Contact, press};
+pub use contact::{Contact, Peak, outward, press};
 pub use world::{Cause, World};
 
 use admittance_runner::config::Config;
 use plant_sim::scenario::Scenario;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 
-use crate::limits::{Approach, highest_safe_speed};
+use crate::limits::{Approach, Found, highest_safe, highest_safe_speed};
+
+/// The world with a number among those of a seed, for an arm with so many joints.
+pub fn world(seed: u64, index: u64, joints: usize) -> World {
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    generator.set_stream(index);
+    World::draw(&mut generator, joints)
+}
 
 /// A configured cell, and the way in which its arm approaches the surface.
 #[derive(Debug, Clone)]
@@ -35,8 +44,39 @@ impl Cell {
         instants: u32,
     ) -> Result<Self, String> {
         let approach = Approach::new(base, joints, direction).map_err(|(_, why)| why)?;
-        let (config, highest_speed_m_s) = highest_safe_speed(base, &approach, sampling_time_s, instants)?;
-        Ok(Self { config, approach, highest_speed_m_s })
+        Self::of(base, &approach, sampling_time_s, instants)
+    }
+
+    /// The same with an approach that is known.
+    pub(crate) fn of(base: &Config, approach: &Approach, sampling_time_s: f64, instants: u32) -> Result<Self, String> {
+        let (config, highest_speed_m_s) = highest_safe_speed(base, approach, sampling_time_s, instants)?;
+        Ok(Self { config, approach: approach.clone(), highest_speed_m_s })
+    }
+
+    /// The highest speed, not above the one with the model as told, at which in none of so many worlds a
+    /// force exceeds its limit or the controller stops. (Losses of contact do not count: they are no
+    /// danger, and loops of second order have them at any speed.)
+    ///
+    /// # Errors
+    /// What controller or plant do not accept.
+    pub(crate) fn plausible_speed(&self, seed: u64, worlds: u64) -> Result<Found<String>, String> {
+        let joints = self.config.robot.joint.len();
+        // Most worlds agree; the one that was unsafe last is tried first at the next speed.
+        let mut first = 0;
+        highest_safe(self.highest_speed_m_s, |speed| {
+            for turn in 0..worlds {
+                let index = (first + turn) % worlds;
+                let contact = press(&self.config, &self.scenario(&world(seed, index, joints), speed, |_| true))?;
+                let why = match contact.stop_reason {
+                    _ if contact.is_over => format!("{:.2} times the force limit", contact.peak_ratio),
+                    Some(reason) => format!("stop: {reason}"),
+                    None => continue,
+                };
+                first = index;
+                return Ok(Err(why));
+            }
+            Ok(Ok(()))
+        })
     }
 
     /// The configuration, which believes what it was told.

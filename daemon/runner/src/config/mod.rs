@@ -16,6 +16,7 @@ mod limits;
 mod mpc;
 mod requests;
 mod stopping;
+mod warnings;
 mod wrench;
 
 pub use contact::{ContactSection, ContactSignName, LowerBoundName, OnContactLostName};

@@ -36,10 +36,10 @@ impl Counts {
         Self {
             runs: runs.clone().count(),
             over_limit: count(|run| run.contact.is_over),
-            unattainable: count(|run| run.contact.is_over_outward),
+            unattainable: count(|run| run.outward.is_over),
             worst_ratio: runs.clone().map(|run| run.contact.peak_ratio).fold(0.0, f64::max),
             with_losses: count(|run| run.contact.late_losses > 0),
-            false_stops: count(|run| run.contact.is_false_stop()),
+            false_stops: count(Run::is_false_stop),
             silent: count(|run| run.contact.is_silent()),
         }
     }
@@ -101,15 +101,15 @@ fn by_speed<'a>(runs: impl Iterator<Item = &'a Run> + Clone) -> Vec<Speed> {
 
 impl Figures {
     pub(super) fn of(seed: u64, cells: &[(&'static str, Cell)], runs: &[Run]) -> Self {
-        let over = runs.iter().map(|run| run.contact).filter(|contact| contact.is_over);
-        let excess = over.map(|contact| contact.peak_ratio / contact.attainable_ratio.max(1.0)).collect();
+        let over = runs.iter().filter(|run| run.contact.is_over);
+        let excess = over.map(|run| run.contact.peak_ratio / run.outward.ratio.max(1.0)).collect();
         let mut by_cause: BTreeMap<Cause, OfCause> = Cause::ALL.map(|cause| (cause, OfCause::default())).into();
         for &(cause, alone, cured) in runs.iter().flat_map(|run| &run.causes) {
             let of = by_cause.entry(cause).or_default();
             of.alone += usize::from(alone);
             of.cured += usize::from(cured);
         }
-        let bad = || runs.iter().filter(|run| run.contact.is_bad());
+        let bad = || runs.iter().filter(|run| run.is_bad());
         Self {
             seed,
             all: Counts::of(runs.iter()),

@@ -4,11 +4,10 @@
 mod cells;
 mod figures;
 
-use admittancectl::plausible::{Cause, Cell, Contact, World, press};
-use admittancectl::{Exit, offline, parallel};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use std::fmt::Write as _;
 
+use admittancectl::plausible::{self, Cause, Cell, Contact, Peak, World};
+use admittancectl::{Exit, offline, parallel};
 use figures::Figures;
 
 /// Parts of the highest safe speed with the model as told.
@@ -43,9 +42,24 @@ pub(crate) struct Run {
     speed: f64,
     /// What it showed.
     contact: Contact,
+    /// What full outward speed attains in it.
+    outward: Peak,
     /// Of a bad contact, for each cause: whether it is bad with that cause alone, and whether it is good
     /// without it.
     causes: Vec<(Cause, bool, bool)>,
+}
+
+impl Run {
+    /// A stop although full outward speed keeps the limit.
+    fn is_false_stop(&self) -> bool {
+        self.contact.stop_reason.is_some() && !self.outward.is_over
+    }
+
+    /// Whether something is wrong that the controller could have avoided.
+    fn is_bad(&self) -> bool {
+        let is_over = self.contact.is_over && !self.outward.is_over;
+        is_over || self.contact.late_losses > 0 || self.is_false_stop()
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
@@ -71,29 +85,37 @@ fn draw<'a>(cells: &'a [(&'static str, Cell)], seed: u64, index: u64) -> (&'a (&
     let count = cells.len() as u64;
     let cell = &cells[(index % count) as usize];
     let speed = SPEEDS[(index / count) as usize % SPEEDS.len()];
-    let mut generator = ChaCha8Rng::seed_from_u64(seed);
-    generator.set_stream(index);
-    let world = World::draw(&mut generator, cell.1.config().robot.joint.len());
-    (cell, speed, world)
+    (cell, speed, plausible::world(seed, index, cell.1.config().robot.joint.len()))
 }
 
 fn one(cells: &[(&'static str, Cell)], seed: u64, index: u64) -> Result<Run, String> {
     let ((name, cell), speed, world) = draw(cells, seed, index);
     let press = |is_on: &dyn Fn(Cause) -> bool| {
         let scenario = cell.scenario(&world, speed * cell.highest_speed_m_s, is_on);
-        press(cell.config(), &scenario).map_err(|why| format!("run {index} of seed {seed}, {name}: {why}"))
+        let both = plausible::press(cell.config(), &scenario)
+            .and_then(|contact| Ok((contact, plausible::outward(cell.config(), &scenario)?)));
+        let (contact, outward) = both.map_err(|why| format!("run {index} of seed {seed}, {name}: {why}"))?;
+        Ok::<Run, String>(Run { index, cell: name, speed, contact, outward, causes: Vec::new() })
     };
-    let contact = press(&|_| true)?;
-    let mut causes = Vec::new();
-    for cause in Cause::ALL.into_iter().filter(|_| contact.is_bad()) {
-        causes.push((cause, press(&|other| other == cause)?.is_bad(), !press(&|other| other != cause)?.is_bad()));
+    let mut run = press(&|_| true)?;
+    if run.is_bad() {
+        for cause in Cause::ALL {
+            let (alone, without) = (press(&|other| other == cause)?, press(&|other| other != cause)?);
+            run.causes.push((cause, alone.is_bad(), !without.is_bad()));
+        }
     }
-    Ok(Run { index, cell: name, speed, contact, causes })
+    Ok(run)
 }
 
 fn describe(cells: &[(&'static str, Cell)], seed: u64, index: u64) -> Result<String, String> {
     let ((name, cell), speed, world) = draw(cells, seed, index);
     let run = one(cells, seed, index)?;
     let named = speed * cell.highest_speed_m_s;
-    Ok(format!("{name}, {speed} of its speed: {named:.3} m/s\n{world:#?}\n{:#?}\n{:#?}\n", run.contact, run.causes))
+    let Run { contact, outward, causes, .. } = run;
+    let mut text =
+        format!("{name}, {speed} of its speed: {named:.3} m/s\n{world:#?}\n{contact:#?}\noutward: {outward:?}\n");
+    for (cause, alone, cured) in causes {
+        let _ = writeln!(text, "{cause:?}: bad with it alone: {alone}, good without it: {cured}");
+    }
+    Ok(text)
 }
