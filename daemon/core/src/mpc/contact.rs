@@ -86,8 +86,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let wanted_offset = surface.normal * if holds { -inward } else { 0.0 };
         // A force set point below f_min would lean on the price of the lower bound with all its weight: an
         // error of the model would throw the arm from one to the other.
+        // Axes that hardly feel the surface press in another way.
+        let feels = |bound: &&AxisBound| situation.belief.surface_signs().sign(bound.axis).is_some();
         let along_normal = |bound: &AxisBound| bound.minimum / surface.normal[bound.axis].abs();
-        let kept = if is_soft { bounds.as_slice().iter().map(along_normal).fold(0.0, f64::max) } else { 0.0 };
+        let felt = bounds.as_slice().iter().filter(feels);
+        let kept = if is_soft { felt.map(along_normal).fold(0.0, f64::max) } else { 0.0 };
         let normal_force = options.normal_force_reference.max(kept);
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {

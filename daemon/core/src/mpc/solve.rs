@@ -118,7 +118,7 @@ impl<const N: usize, const D: usize> Settings<N, D> {
         Constraints {
             force,
             joint_speed: limits.joint_speed.map(|speed| Interval { lower: -speed, upper: speed }),
-            rest_position: limits.joint_position.as_ref().map(|limits| self.reachable(limits, start)),
+            rest_position: limits.joint_position.as_ref().map(|limits| self.reachable(limits, situation, start)),
             offset: Some(Interval { lower: twist_reference - limits.offset, upper: twist_reference + limits.offset }),
             rate,
             normal_speed: None,
@@ -126,9 +126,22 @@ impl<const N: usize, const D: usize> Settings<N, D> {
     }
 
     /// Position limits; where a joint cannot help coming to rest beyond one, the place where it does: zero
-    /// reference keeps it there.
-    fn reachable(&self, limits: &Interval<N>, start: &State<N, D>) -> Interval<N> {
+    /// reference keeps it there, and where the rate of the offset is limited the straight way to zero.
+    fn reachable(&self, limits: &Interval<N>, situation: &Situation<'_, N, D>, start: &State<N, D>) -> Interval<N> {
         let rest = start.joint_position + self.velocity_time_constant.component_mul(&start.joint_velocity);
-        Interval { lower: limits.lower.inf(&rest), upper: limits.upper.sup(&rest) }
+        let before = situation.sample.twist_reference + situation.output.offset();
+        let rates = [&self.limits.inward_rate, &self.limits.outward_rate];
+        let longest = |axis: usize| {
+            let slowest = rates.iter().filter_map(|rate| Some(rate.as_ref()?[axis])).fold(f64::INFINITY, f64::min);
+            before[axis].abs() / slowest
+        };
+        let braking = (0..D).map(longest).fold(0.0, f64::max);
+        // A reference is held for a step.
+        let held = if braking > 0.0 { self.timing.sampling_time.seconds() } else { 0.0 };
+        let moved = situation.joint_velocity(&before) * (0.5 * braking + held);
+        Interval {
+            lower: limits.lower.inf(&rest).inf(&(rest + moved)),
+            upper: limits.upper.sup(&rest).sup(&(rest + moved)),
+        }
     }
 }

@@ -158,25 +158,26 @@ pub(crate) fn highest_safe_speed(
 /// What the computation consists of.
 enum Piece {
     Cell(cell::Cell),
-    Recommended(Option<Recommended>),
+    Recommended(Recommended),
 }
 
 /// The speed for the cell as configured, when what nobody can tell is as it may be.
 ///
 /// # Errors
 /// What controller or plant do not accept although the checks did.
-fn recommended(config: &Config, approach: &Approach, instants: u32) -> Result<Option<Recommended>, String> {
-    let Ok(cell) = plausible::Cell::of(config, approach, config.control.sampling_time_s, instants) else {
-        // The table says why.
-        return Ok(None);
-    };
-    let found = cell.plausible_speed(WORLDS_SEED, WORLDS)?;
-    Ok(Some(Recommended {
-        speed_m_s: found.safe_m_s,
-        as_told_m_s: cell.highest_speed_m_s,
-        limited_by: found.beyond.map_or_else(|| "the model as told".to_owned(), |(_, why)| why),
-        worlds: WORLDS,
-    }))
+fn recommended(config: &Config, approach: &Approach, instants: u32) -> Result<Recommended, String> {
+    Ok(match plausible::Cell::of(config, approach, config.control.sampling_time_s, instants) {
+        Ok(cell) => {
+            let found = cell.plausible_speed(WORLDS_SEED, WORLDS)?;
+            Recommended {
+                speed_m_s: found.safe_m_s,
+                as_told_m_s: cell.highest_speed_m_s,
+                limited_by: found.beyond.map(|(_, why)| why),
+                worlds: WORLDS,
+            }
+        }
+        Err(why) => Recommended { speed_m_s: 0.0, as_told_m_s: 0.0, limited_by: Some(why), worlds: WORLDS },
+    })
 }
 
 /// All cells.
@@ -197,7 +198,7 @@ fn limits(path: &Path, config: &Config, question: &Question, threads: usize) -> 
     })?;
     let recommended = match found.pop() {
         Some(Piece::Recommended(recommended)) => recommended,
-        _ => None,
+        _ => return Err("the recommended speed was not computed".to_owned()),
     };
     let cells = found.into_iter().filter_map(|piece| match piece {
         Piece::Cell(cell) => Some(cell),

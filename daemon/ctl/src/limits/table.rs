@@ -51,8 +51,8 @@ pub(crate) struct Limits {
     pub(crate) stiffnesses_n_m: Vec<f64>,
     /// Row by row.
     pub(crate) cells: Vec<Cell>,
-    /// For the cell as configured; `None` where no speed is safe even there.
-    recommended: Option<Recommended>,
+    /// For the cell as configured.
+    recommended: Recommended,
     /// Notes on the figures.
     notes: Vec<String>,
 }
@@ -65,8 +65,8 @@ pub(super) struct Recommended {
     pub(super) speed_m_s: f64,
     /// Highest safe speed with the model as told, m/s.
     pub(super) as_told_m_s: f64,
-    /// What comes first above it.
-    pub(super) limited_by: String,
+    /// What comes first above it; `None` where that speed is as safe as the one with the model as told.
+    pub(super) limited_by: Option<String>,
     /// Random worlds.
     pub(super) worlds: u64,
 }
@@ -84,7 +84,7 @@ impl Limits {
         config: &Config,
         question: &Question,
         mut cells: Vec<Cell>,
-        recommended: Option<Recommended>,
+        recommended: Recommended,
     ) -> Self {
         let Question { approach, stiffnesses_n_m, sampling_times_s, instants } = question;
         cells.sort_by(|a, b| {
@@ -205,19 +205,28 @@ pub(crate) fn text(limits: &Limits) -> String {
         limits.force_tolerance_n,
         100.0 * (search::RESOLUTION - 1.0) + 0.5,
     );
-    if let Some(found) = &limits.recommended {
-        let speed = if found.speed_m_s > 0.0 { format!("{} m/s", found.speed_m_s) } else { "none".to_owned() };
-        let _ = write!(
-            text,
-            "\n\nRecommended as configured: {speed} ({} m/s with the model exactly as told). In {} random worlds that a careful \
-             commissioning leaves open (see --help) no force exceeds its limit and nothing stops; above it comes: {}.",
-            found.as_told_m_s, found.worlds, found.limited_by
-        );
-    }
+    let _ = write!(text, "\n\n{}", recommendation(&limits.recommended, limits.force_tolerance_n));
     for note in &limits.notes {
         let _ = write!(text, "\nNote: {note}");
     }
     text
+}
+
+/// What to approach at, and why.
+fn recommendation(found: &Recommended, tolerance_n: f64) -> String {
+    let why = found.limited_by.as_deref();
+    if found.speed_m_s <= 0.0 {
+        return format!("Recommended as configured: no speed; {}.", why.unwrap_or("none was tried"));
+    }
+    format!(
+        "Recommended as configured: {} m/s ({} m/s with the model exactly as told). In {} random worlds that a careful \
+         commissioning leaves open (see --help) no force exceeds its limit (+ {tolerance_n} N) and nothing stops; losses of \
+         contact are not counted. Above it comes: {}.",
+        found.speed_m_s,
+        found.as_told_m_s,
+        found.worlds,
+        why.unwrap_or("what limits the model as told")
+    )
 }
 
 fn entry(cell: &Cell) -> String {
@@ -275,9 +284,13 @@ pub(super) mod tests {
             cell(0.004, 3e5, None, None),
             cell(0.004, 1e5, Some(0.456), Some(0.46)),
         ];
-        let recommended =
-            Recommended { speed_m_s: 0.2, as_told_m_s: 0.456, limited_by: "stop: Infeasible".to_owned(), worlds: 100 };
-        Limits::new(Path::new("cell.toml"), &config, &question, cells, Some(recommended))
+        let recommended = Recommended {
+            speed_m_s: 0.2,
+            as_told_m_s: 0.456,
+            limited_by: Some("stop: Infeasible".to_owned()),
+            worlds: 100,
+        };
+        Limits::new(Path::new("cell.toml"), &config, &question, cells, recommended)
     }
 
     #[test]
@@ -293,7 +306,7 @@ pub(super) mod tests {
             "0.25 ms",
             "0.456",
             "Recommended as configured: 0.2 m/s (0.456 m/s with the model exactly as told)",
-            "above it comes: stop: Infeasible",
+            "Above it comes: stop: Infeasible",
             ">= 1.23",
             "< 0.01",
             "contact lost",

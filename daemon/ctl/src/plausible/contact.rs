@@ -29,6 +29,8 @@ pub struct Contact {
     pub stop_reason: Option<StopReason>,
     /// Whether any verdict was infeasible.
     pub is_infeasible: bool,
+    /// Whether the tool touched, and every sample was used.
+    pub is_complete: bool,
 }
 
 impl Contact {
@@ -66,7 +68,9 @@ pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
     let (mut peak, mut touched_s, mut losses, mut late_losses) = (Peak::default(), None, 0, 0);
     let (mut stop_reason, mut is_infeasible) = (None, false);
-    while let Some(Step { command, truth, .. }) = run.step()? {
+    let mut has_fault = false;
+    while let Some(Step { command, truth, report, .. }) = run.step()? {
+        has_fault |= report.fault.is_some();
         peak.see(config, &truth);
         if truth.in_contact == 1 {
             touched_s.get_or_insert(truth.scenario_time_s);
@@ -81,7 +85,8 @@ pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
             stop_reason = StopReason::from_code(command.stop_reason);
         }
     }
-    Ok(Contact { peak_ratio: peak.ratio, is_over: peak.is_over, late_losses, stop_reason, is_infeasible })
+    let is_complete = touched_s.is_some() && !has_fault;
+    Ok(Contact { peak_ratio: peak.ratio, is_over: peak.is_over, late_losses, stop_reason, is_infeasible, is_complete })
 }
 
 /// The peak when every joint goes outward at its speed limit from the first active sample on: what is

@@ -66,10 +66,15 @@ impl Cell {
         highest_safe(self.highest_speed_m_s, |speed| {
             for turn in 0..worlds {
                 let index = (first + turn) % worlds;
-                let contact = press(&self.config, &self.scenario(&world(seed, index, joints), speed, |_| true))?;
+                let scenario = self.scenario(&world(seed, index, joints), speed, |_| true);
+                let Ok(contact) = press(&self.config, &scenario) else {
+                    first = index;
+                    return Ok(Err("an approach that is out of reach".to_owned()));
+                };
                 let why = match contact.stop_reason {
                     _ if contact.is_over => format!("{:.2} times the force limit", contact.peak_ratio),
                     Some(reason) => format!("stop: {reason}"),
+                    None if !contact.is_complete => "no contact, or a sample that was not used".to_owned(),
                     None => continue,
                 };
                 first = index;

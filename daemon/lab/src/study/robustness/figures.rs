@@ -160,7 +160,7 @@ impl Figures {
         let causes = self.by_cause.iter().map(|(cause, of)| format!("\n  {cause:?}: {}, {}", of.alone, of.cured));
         let causes: String = causes.collect();
         format!(
-            "{table}\n{} of {} runs are bad (seed {}), for example {:?}; bad with one cause alone, good without it:{causes}",
+            "{table}\n{} of {} runs are bad (seed {}), for example {:?} (with --index, and --cell as here); bad with one cause alone, good without it:{causes}",
             self.bad, self.all.runs, self.seed, self.examples
         )
     }
