@@ -1,7 +1,7 @@
 //! The `[robot]` section: one description of the arm for the daemon's configuration and the plant's
 //! scenarios.
 
-use admittance_core::robot::{Chain, Joint, Pose, SUPPORTED_ARMS, rotation_from_rpy};
+use admittance_core::robot::{Chain, Joint, Pose, SUPPORTED_ARMS, VelocityLoops, rotation_from_rpy};
 use admittance_core::with_arm;
 
 use crate::config::ConfigError;
@@ -30,6 +30,19 @@ crate::config_section! {
 }
 
 crate::config_section! {
+    /// What the joints' speed loops are beyond a lag, one value for each joint, base first.
+    pub struct VelocityLoopDescription {
+        /// Damping of a loop of second order, whose bandwidth at -3 dB is 1 /
+        /// velocity_time_constant_s; 0 is a loop of first order, and so are all when absent.
+        damping: Option<Vec<f64>>, unit "1", range 0.0..=5.0, length 2..=8;
+        /// Time that a reference takes to reach the joint's loop; 0 when absent.
+        dead_time_s: Option<Vec<f64>>, unit "s", range 0.0..=0.1, length 2..=8;
+        /// Time constant of the lag with which the controller reports the joint velocities.
+        report_lag_s: f64 = 0.0, unit "s", range 0.0..=0.1;
+    }
+}
+
+crate::config_section! {
     /// The arm: a serial chain of revolute joints with velocity-controlled drives.
     pub struct RobotDescription {
         /// What logs call it.
@@ -39,6 +52,8 @@ crate::config_section! {
         task_axes: u32, unit "axes", range 2..=6;
         /// Time constant T_V of each joint's speed loop (4), base first.
         velocity_time_constant_s: Vec<f64>, unit "s", range 0.0005..=0.5, length 2..=8;
+        /// What the speed loops are beyond that lag.
+        velocity_loop: Option<VelocityLoopDescription>;
         /// One table for each joint, base first.
         joint: Vec<JointDescription>, length 2..=8;
         /// Where the TCP is in the last link's frame.
@@ -46,6 +61,9 @@ crate::config_section! {
     }
     cross_check check_arm;
 }
+
+/// Below this a loop would ring for ever.
+const LEAST_DAMPING: f64 = 0.1;
 
 fn check_arm(robot: &RobotDescription, path: &str, errors: &mut Vec<ConfigError>) {
     let (joints, constants) = (robot.joint.len(), robot.velocity_time_constant_s.len());
@@ -56,6 +74,24 @@ fn check_arm(robot: &RobotDescription, path: &str, errors: &mut Vec<ConfigError>
             format!("{constants} values"),
             accepted,
         ));
+    }
+    if let Some(VelocityLoopDescription { damping, dead_time_s, .. }) = &robot.velocity_loop {
+        for (name, list) in [("damping", damping), ("dead_time_s", dead_time_s)] {
+            if let Some(found) = list.as_ref().map(Vec::len).filter(|found| *found != joints) {
+                let accepted = format!("{joints} values, one for each [[{path}.joint]]");
+                errors.push(ConfigError::new(
+                    format!("{path}.velocity_loop.{name}"),
+                    format!("{found} values"),
+                    accepted,
+                ));
+            }
+        }
+        for (joint, damping) in damping.iter().flatten().enumerate() {
+            if *damping > 0.0 && *damping < LEAST_DAMPING {
+                let accepted = format!("0 for a loop of first order, or at least {LEAST_DAMPING}");
+                errors.push(ConfigError::new(format!("{path}.velocity_loop.damping[{joint}]"), damping, accepted));
+            }
+        }
     }
     let axes = robot.task_axes;
     if !with_arm!((joints, axes), <_N, _D> => true, else false) {
@@ -71,6 +107,22 @@ fn check_arm(robot: &RobotDescription, path: &str, errors: &mut Vec<ConfigError>
 }
 
 impl RobotDescription {
+    /// The speed loops; `None` when the description has another number of joints than N.
+    pub fn velocity_loops<const N: usize>(&self) -> Option<VelocityLoops<N>> {
+        let joints = |values: &[f64]| <[f64; N]>::try_from(values).ok();
+        let mut loops = VelocityLoops::first_order(joints(&self.velocity_time_constant_s)?.into());
+        if let Some(VelocityLoopDescription { damping, dead_time_s, report_lag_s }) = &self.velocity_loop {
+            if let Some(damping) = damping {
+                loops.damping = joints(damping)?.into();
+            }
+            if let Some(dead_time) = dead_time_s {
+                loops.dead_time = joints(dead_time)?.into();
+            }
+            loops.report_lag = *report_lag_s;
+        }
+        Some(loops)
+    }
+
     /// The chain; `None` when the description has another number of joints than N.
     pub fn chain<const N: usize>(&self) -> Option<Chain<N>> {
         let joints: Vec<Joint> = self

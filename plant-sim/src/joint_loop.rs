@@ -69,18 +69,14 @@ fn relative_bandwidth(damping: f64) -> f64 {
 }
 
 impl<const N: usize> JointLoop<N> {
-    /// Loops of first order with the time constants T_V in s, all above zero.
-    pub fn new(time_constant_s: SVector<f64, N>) -> Self {
-        Self { loops: time_constant_s.map(|time_constant_s| Order::First { time_constant_s }) }
-    }
-
-    /// Loops of second order with this damping ζ, above zero, and the −3 dB bandwidth 1/T_V.
-    pub fn second_order(time_constant_s: SVector<f64, N>, damping: SVector<f64, N>) -> Self {
-        let second = |time_constant_s: f64, damping: f64| Order::Second {
-            frequency_rad_s: 1.0 / (time_constant_s * relative_bandwidth(damping)),
-            damping,
+    /// Loops with the time constants T_V in s, all above zero: of first order where the damping ζ is
+    /// 0, else of second order with the −3 dB bandwidth 1/T_V.
+    pub fn new(time_constant_s: SVector<f64, N>, damping: SVector<f64, N>) -> Self {
+        let order = |time_constant_s: f64, damping: f64| match damping {
+            0.0 => Order::First { time_constant_s },
+            _ => Order::Second { frequency_rad_s: 1.0 / (time_constant_s * relative_bandwidth(damping)), damping },
         };
-        Self { loops: time_constant_s.zip_map(&damping, second) }
+        Self { loops: time_constant_s.zip_map(&damping, order) }
     }
 
     /// The step of an interval of `duration_s`.
@@ -190,7 +186,7 @@ mod tests {
     fn step_response_is_the_analytic_one_whatever_the_steps() {
         let time_constant = Vector2::new(0.015, 0.010);
         let reference = Vector2::new(0.4, -0.7);
-        let joints = JointLoop::new(time_constant);
+        let joints = JointLoop::new(time_constant, Vector2::zeros());
         for steps in [1, 7, 400] {
             let velocity_0 = Vector2::new(-0.1, 0.25);
             let mut state = JointState { velocity: velocity_0, ..JointState::at_rest(Vector2::new(0.3, -1.2)) };
@@ -231,7 +227,7 @@ mod tests {
     #[test]
     fn second_order_loops_follow_their_differential_equation() {
         for zeta in [0.3, 0.7, 1.0, 1.0 + 1e-9, 1.6, 5.0] {
-            let joints = JointLoop::second_order(Vector1::new(0.012), Vector1::new(zeta));
+            let joints = JointLoop::new(Vector1::new(0.012), Vector1::new(zeta));
             let Order::Second { frequency_rad_s: omega, .. } = joints.loops[0] else { panic!("of second order") };
             // −3 dB where it was asked for.
             let x: f64 = 1.0 / (0.012 * omega);

@@ -2,12 +2,14 @@
 //! It has no clock and does no input or output; time is in nanoseconds and passed along by the
 //! steps themselves.
 
+mod dead_time;
 mod measurement;
 mod parameters;
 
 pub use measurement::CycleTiming;
 pub use parameters::PlantParameters;
 
+use dead_time::DeadTime;
 use measurement::Peaks;
 
 use crate::environment::{Contact, Surface};
@@ -45,7 +47,8 @@ pub struct Plant<const N: usize, const D: usize> {
     joints: JointState<N>,
     /// q̇ as the controller reports it, rad/s.
     reported_velocity: SVector<f64, N>,
-    velocity_reference: SVector<f64, N>,
+    /// q̇_ref on its way to the loops.
+    dead_time: DeadTime<N>,
     position_reference: SVector<f64, N>,
     kinematics: Kinematics<N>,
     contact: Contact,
@@ -65,6 +68,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         let cycles = parameters.wrench_delay_ns / parameters.sampling_time_ns + 1;
         // Besides the substeps, each plan step and each command ends an interval.
         let delayed_values = substeps + cycles * (ipc_types::MAX_PLAN as u64 + 4);
+        let longest_ns = parameters.dead_time_ns.iter().copied().max().unwrap_or(0);
+        let changes = (longest_ns / parameters.sampling_time_ns + 2) * (ipc_types::MAX_PLAN as u64 + 4);
         let mut plant = Self {
             playback: Playback::new(N, parameters.command_delay_ns, parameters.sampling_time_ns),
             delay_line: DelayLine::new(parameters.wrench_delay_ns, delayed_values as usize),
@@ -75,7 +80,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             index: -parameters.waiting_samples(),
             joints: JointState::at_rest(parameters.start),
             reported_velocity: SVector::zeros(),
-            velocity_reference: SVector::zeros(),
+            dead_time: DeadTime::new(parameters.dead_time_ns, changes as usize),
             position_reference: parameters.start,
             kinematics,
             contact,
@@ -202,7 +207,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         }
         self.integrate_until(instant_ns, start_ns);
         let step = self.parameters.joints.step(rest_s);
-        step.advance(&mut self.joints, &self.velocity_reference);
+        let reference = self.dead_time.reached(self.now_ns);
+        step.advance(&mut self.joints, &reference);
         self.kinematics = self.parameters.chain.kinematics(&self.joints.position);
     }
 
@@ -216,52 +222,67 @@ impl<const N: usize, const D: usize> Plant<N, D> {
 
     /// q̇_ref = J⁻¹(q)(ṗ0 + Δṗ), or zero when holding.
     fn update_reference(&mut self, twist: &SVector<f64, D>) {
-        self.velocity_reference = SVector::zeros();
-        let Applied::Offset(offset) = self.playback.applied(self.now_ns) else { return };
+        let reference = self.reference_of(twist);
+        self.dead_time.push(self.now_ns, &reference);
+    }
+
+    fn reference_of(&mut self, twist: &SVector<f64, D>) -> SVector<f64, N> {
+        let Applied::Offset(offset) = self.playback.applied(self.now_ns) else { return SVector::zeros() };
         let twist = SVector::<f64, D>::from_fn(|axis, _| twist[axis] + offset[axis]);
         if self.fault(FaultKind::DrivesDisabled) || twist.iter().all(|value| *value == 0.0) {
-            return;
+            return SVector::zeros();
         }
         match right_inverse(&self.kinematics.task_jacobian::<D>(), MINIMUM_RECIPROCAL_CONDITION) {
-            Ok(inverse) => self.velocity_reference = inverse.joint_velocity(&twist),
-            Err(_) => self.singular = true,
+            Ok(inverse) => inverse.joint_velocity(&twist),
+            Err(_) => {
+                self.singular = true;
+                SVector::zeros()
+            }
         }
     }
 
-    /// Constant velocity reference from here to `until_ns`; substeps lie on a grid that starts at
-    /// `start_ns`.
+    /// Constant velocity reference from here to `until_ns`, which each joint follows after its dead
+    /// time; substeps lie on a grid that starts at `start_ns`.
     fn integrate_until(&mut self, until_ns: u64, start_ns: u64) {
+        while self.now_ns < until_ns {
+            let reference = self.dead_time.reached(self.now_ns);
+            let next_ns = self.dead_time.next_change(self.now_ns).map_or(until_ns, |change| change.min(until_ns));
+            self.follow_until(next_ns, start_ns, &reference);
+        }
+    }
+
+    fn follow_until(&mut self, until_ns: u64, start_ns: u64, reference: &SVector<f64, N>) {
         let grid_ns = self.parameters.substep_ns;
         while self.now_ns < until_ns {
-            let next_ns = if self.stays_free(until_ns - self.now_ns) {
+            let next_ns = if self.stays_free(until_ns - self.now_ns, reference) {
                 until_ns
             } else {
                 until_ns.min(start_ns + ((self.now_ns - start_ns) / grid_ns + 1) * grid_ns)
             };
-            self.substep(next_ns - self.now_ns);
+            self.substep(next_ns - self.now_ns, reference);
         }
     }
 
     /// Whether the TCP cannot reach the surface in this time, so that a single step is exact: a
     /// bound from joint speeds.
-    fn stays_free(&self, duration_ns: u64) -> bool {
+    fn stays_free(&self, duration_ns: u64, reference: &SVector<f64, N>) -> bool {
         if self.parameters.surface.is_none() {
             return true;
         }
         if !self.delay_line.is_none() && !self.parameters.estimate.is_zero() {
             return false;
         }
-        let speed = self.parameters.joints.most_speed(&self.joints, &self.velocity_reference);
+        let speed = self.parameters.joints.most_speed(&self.joints, reference);
         self.contact.penetration + speed.dot(&self.reach) * seconds(duration_ns) < 0.0
     }
 
-    fn substep(&mut self, duration_ns: u64) {
+    fn substep(&mut self, duration_ns: u64, reference: &SVector<f64, N>) {
         let step = if duration_ns == self.usual_substep.duration_ns {
             self.usual_substep
         } else {
             substep_of(&self.parameters, duration_ns)
         };
-        step.joints.advance(&mut self.joints, &self.velocity_reference);
+        step.joints.advance(&mut self.joints, reference);
         self.now_ns += duration_ns;
         self.kinematics = self.parameters.chain.kinematics(&self.joints.position);
         self.contact = contact_of(self.parameters.surface.as_ref(), &self.kinematics, &self.joints.velocity);

@@ -73,17 +73,6 @@ fn normal_has_a_direction(surface: &SurfaceSection, path: &str, errors: &mut Vec
 }
 
 config_section! {
-    /// What the speed loops do beyond robot.velocity_time_constant_s.
-    pub struct VelocityLoopSection {
-        /// Damping of each joint's loop, which is then of second order, with the -3 dB bandwidth
-        /// 1 / velocity_time_constant_s; of first order when absent.
-        damping: Option<Vec<f64>>, unit "1", range 0.1..=5.0, length 2..=8;
-        /// Time constant of the lag with which the joint velocities are reported.
-        report_lag_s: f64 = 0.0, unit "s", range 0.0..=0.1;
-    }
-}
-
-config_section! {
     /// The wrench estimate (6).
     pub struct WrenchSection {
         /// T_est per task axis; 0 is an ideal sensor.
@@ -161,8 +150,6 @@ config_section! {
         ipc: IpcSection;
         /// The arm as it really is.
         robot: RobotDescription;
-        /// Its speed loops, where they are more than first order.
-        velocity_loop: Option<VelocityLoopSection>;
         /// Cycle and integration.
         timing: TimingSection;
         /// Where the arm starts.
@@ -199,9 +186,6 @@ fn sizes(scenario: &Scenario, _: &str, errors: &mut Vec<ConfigError>) {
             ));
         }
     };
-    if let Some(damping) = scenario.velocity_loop.as_ref().and_then(|velocity_loop| velocity_loop.damping.as_ref()) {
-        check("velocity_loop.damping".into(), damping.len(), joints, "joint");
-    }
     check("start.joint_position_rad".into(), scenario.start.joint_position_rad.len(), joints, "joint");
     check("wrench.time_constant_s".into(), scenario.wrench.time_constant_s.len(), axes, "task axis");
     for (index, motion) in scenario.motion.iter().enumerate() {

@@ -83,19 +83,16 @@ pub fn plant<const N: usize, const D: usize>(
 ) -> Result<Plant<N, D>, SetupError> {
     let axes = scenario.robot.task_axes;
     let wrong_arm = SetupError::Arm { joints: scenario.robot.joint.len(), axes };
-    let chain = scenario.robot.chain::<N>().filter(|_| axes as usize == D).ok_or(wrong_arm)?;
+    let chain = scenario.robot.chain::<N>().filter(|_| axes as usize == D).ok_or(wrong_arm.clone())?;
     let timing = &scenario.timing;
     let in_samples = |seconds| samples(seconds, timing.sampling_time_s);
     let vector = |values: &[f64]| SVector::<f64, D>::from_column_slice(values);
     let joints = |values: &[f64]| SVector::<f64, N>::from_column_slice(values);
-    let time_constants = joints(&scenario.robot.velocity_time_constant_s);
-    let velocity_loop = scenario.velocity_loop.as_ref();
+    let loops = scenario.robot.velocity_loops::<N>().ok_or(wrong_arm)?;
     let parameters = PlantParameters {
-        joints: match velocity_loop.and_then(|velocity_loop| velocity_loop.damping.as_ref()) {
-            Some(damping) => JointLoop::second_order(time_constants, joints(damping)),
-            None => JointLoop::new(time_constants),
-        },
-        velocity_lag_s: velocity_loop.map_or(0.0, |velocity_loop| velocity_loop.report_lag_s),
+        joints: JointLoop::new(loops.time_constant, loops.damping),
+        dead_time_ns: std::array::from_fn(|joint| nanoseconds(loops.dead_time[joint])),
+        velocity_lag_s: loops.report_lag,
         start: joints(&scenario.start.joint_position_rad),
         surface: scenario.surface.as_ref().map(|surface| Surface {
             point: surface.point_m.into(),

@@ -8,7 +8,7 @@ use admittance_core::mpc::{Discretization, ForcePoints, InputSelection, InwardSp
 use admittance_core::output::{Law, MAX_STEPS};
 use admittance_core::{Parameters, Stopping};
 use admittance_core::quantities::Span;
-use admittance_core::robot::{Chain, Joint, MotionLimits, Pose};
+use admittance_core::robot::{Chain, Joint, MotionLimits, Pose, VelocityLoops};
 use admittance_core::supervisor::{Guards, OnContactLost, OnInfeasible, Policy};
 use admittance_core::surface::Surface;
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -23,7 +23,7 @@ pub(super) fn planar_arm() -> Parameters<2, 2> {
     Parameters {
         chain: Chain::new([joint(0.0), joint(1.0)], frame(1.0, 0.0)).expect("a chain"),
         minimum_reciprocal_condition: 0.01,
-        velocity_time_constant: Vector2::new(0.015, 0.010),
+        loops: VelocityLoops::first_order(Vector2::new(0.015, 0.010)),
         wrench_time_constant: Vector2::repeat(0.020),
         conditioning: Conditioning::none(),
         surface: Surface::plane(1e5, &normal, frame(1.32, 0.68)),

@@ -2,7 +2,7 @@
 
 use admittance_vocabulary::{ModeName, Source};
 
-use crate::belief::{Belief, Snapshot};
+use crate::belief::{Belief, JointMotion, JointObserver, Snapshot};
 use crate::cycle_output::{Counters, CycleOutput, Outcome};
 use crate::intake::{Accepted, Event, Intake, SampleFault};
 use crate::mpc::qp::QpSolver;
@@ -18,6 +18,7 @@ pub struct Controller<const N: usize, const D: usize, S, B> {
     parameters: Parameters<N, D>,
     intake: Intake<N, D>,
     belief: Belief<D>,
+    joints: JointObserver<N, D>,
     supervisor: Supervisor<D>,
     mpc: Mpc<N, D, S, B>,
     output: Output<D>,
@@ -35,6 +36,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         Ok(Self {
             intake: Intake::new(parameters.intake()),
             belief: Belief::new(parameters.belief()),
+            joints: JointObserver::new(parameters.loops),
             supervisor: Supervisor::new(parameters.supervisor()),
             mpc: Mpc::new(parameters.mpc(), solver, storage).ok_or(ParameterError::Storage)?,
             output: Output::new(parameters.output()),
@@ -50,12 +52,18 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self
     }
 
+    /// Goes on from a recorded motion of the joints at the last sample: for a replay that begins there.
+    pub fn resume_joints(&mut self, motion: &JointMotion<N>) {
+        self.joints.resume(motion);
+    }
+
     /// Takes over the state of `old`, but keeps this controller's parameters.
     pub fn take_over(&mut self, old: &Self) {
         // Without `..`: whoever adds a field must decide here what becomes of it.
-        let Self { parameters: _, intake, belief, supervisor, mpc: _, output, cycles } = old;
+        let Self { parameters: _, intake, belief, joints, supervisor, mpc: _, output, cycles } = old;
         self.intake.take_over(intake);
         self.belief.take_over(belief);
+        self.joints.take_over(joints);
         self.supervisor.take_over(supervisor);
         self.output.take_over(output);
         self.cycles = *cycles;
@@ -68,12 +76,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         now: Instant,
         expired: &mut dyn FnMut() -> bool,
     ) -> CycleOutput<'_, N, D> {
-        let Self { intake, belief, supervisor, mpc, output, cycles, .. } = self;
+        let Self { intake, belief, joints, supervisor, mpc, output, cycles, .. } = self;
         *cycles += 1;
         let sample = match intake.take(event, now) {
             Ok(sample) => sample,
             Err(fault) => return self.step_without_sample(fault, now),
         };
+        let joints = joints.follow(sample, output.under_way());
         let felt = belief.felt(&sample.wrench);
         supervisor.admit(sample, &felt);
         if supervisor.is_in_control() {
@@ -90,7 +99,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         if matches!(supervisor.mode(), Mode::Idle(_)) {
             belief.release();
         }
-        let predicted = predict(sample, belief, supervisor, mpc, output, expired);
+        let predicted = predict(sample, joints, belief, supervisor, mpc, output, expired);
         let movement = predicted.movement.unwrap_or_else(|| match supervisor.mode() {
             Mode::Idle(_) if supervisor.holds() => output.hold(sample.stamp),
             Mode::Idle(_) => output.rest(sample),
@@ -222,6 +231,7 @@ impl<const N: usize, const D: usize> Predicted<N, D> {
 /// that the contact cannot go on.
 fn predict<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>>(
     sample: &Accepted<N, D>,
+    joints: JointMotion<N>,
     belief: &Belief<D>,
     supervisor: &mut Supervisor<D>,
     mpc: &mut Mpc<N, D, S, B>,
@@ -232,7 +242,7 @@ fn predict<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>>(
     if supervisor.task().is_none() {
         return predicted;
     }
-    let Ok(situation) = Situation::new(sample, belief, output) else { return predicted };
+    let Ok(situation) = Situation::new(sample, belief, output, joints) else { return predicted };
     loop {
         if supervisor.is_overdue(sample.stamp) || (supervisor.is_stopping() && mpc.may_rest(&situation)) {
             supervisor.rest(sample.stamp);

@@ -23,7 +23,8 @@
 //! | ṗ0, Δṗ | `twist_reference`, `velocity_offset` | commanded TCP twist, and what is added to it |
 //! | x = \[q; q̇; f̂\] | [`mpc::model::State`] | state of the prediction (7) |
 //! | Ψ, J, J⁻¹ | [`robot::Posture`] | forward kinematics, Jacobian, its inverse at the measured q |
-//! | T_V, Λ_TV | `velocity_time_constant` | joint speed loops (4), (9); s |
+//! | T_V, Λ_TV | `time_constant` | joint speed loops (4), (9); s |
+//! | q̈, ω, ζ | `joint_acceleration`, `frequency`, `damping` | of speed loops of second order; rad/s², rad/s, 1 |
 //! | r, V | `reference`, `columns` | joint velocity reference J⁻¹ ṗ; columns of J⁻¹ with an input |
 //! | T_est, Λ_Test | `wrench_time_constant` | wrench estimate (6), (12); s, 0 means f̂ = f |
 //! | K_e | `stiffness` | environment (11), (20) in the base frame; N/m |

@@ -6,10 +6,10 @@ use nalgebra::SVector;
 use crate::belief::{self, ContactPoint, ContactSign, SurfaceSigns, Thresholds};
 use crate::intake::{self, Conditioning, Timing};
 use crate::mpc::condensation::{Capacity, MAX_ROWS};
-use crate::mpc::{self, LowerBound, Options, SolverCapacity};
+use crate::mpc::{self, Discretization, LowerBound, Options, SolverCapacity};
 use crate::output::{self, Law, MAX_STEPS};
 use crate::quantities::Span;
-use crate::robot::{Chain, MotionLimits};
+use crate::robot::{Chain, MotionLimits, VelocityLoops};
 use crate::supervisor::{self, Guards, Policy};
 use crate::surface::Surface;
 
@@ -36,8 +36,8 @@ pub struct Parameters<const N: usize, const D: usize> {
     /// Reciprocal condition number of J below which the pose counts as singular; in contact a
     /// minimum-force stop begins there.
     pub minimum_reciprocal_condition: f64,
-    /// T_V per joint in s.
-    pub velocity_time_constant: SVector<f64, N>,
+    /// The joint speed loops.
+    pub loops: VelocityLoops<N>,
     /// T_est per axis in s; 0 for ideal force measurement.
     pub wrench_time_constant: SVector<f64, D>,
     /// How f̂ follows from the wrench as it is given.
@@ -114,7 +114,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
     pub(crate) fn mpc(&self) -> mpc::Settings<N, D> {
         mpc::Settings {
             options: self.mpc,
-            velocity_time_constant: self.velocity_time_constant,
+            loops: self.loops,
             wrench_time_constant: self.wrench_time_constant,
             admittance: self.thresholds.admittance,
             limits: self.limits,
@@ -148,6 +148,11 @@ pub enum ParameterError {
     SamplingTime,
     /// A time constant of a joint is not above zero, or one of the wrench estimate is negative.
     TimeConstant,
+    /// A damping, dead time or lag of the speed loops is negative or no number; the dead times differ
+    /// by more than the shortest step; the longest, with the command delay, is longer than
+    /// [`MAX_DELAY_CYCLES`](output::MAX_DELAY_CYCLES); or there is one of these, and the model is not
+    /// exact or leaves delays out.
+    VelocityLoops,
     /// An input weight is not above zero: the QP would not be strictly convex.
     InputWeight,
     /// A release threshold is above its activation threshold, or one of them is negative.
@@ -172,6 +177,11 @@ impl core::fmt::Display for ParameterError {
             Self::SamplingTime => "the sampling time must be above 0 s",
             Self::TimeConstant => {
                 "joint time constants must be above 0 s, those of the wrench estimate must not be negative"
+            }
+            Self::VelocityLoops => {
+                "damping, dead times and lags of the speed loops must not be negative, the dead times must not differ \
+                 by more than the shortest step, no longer than 8 sampling times with the command delay, and the \
+                 discretization must be exact"
             }
             Self::InputWeight => "input weights must be above 0",
             Self::Thresholds => "release thresholds must be between 0 and the activation threshold",
@@ -201,7 +211,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
 
     /// Numbers that the MPC needs for its matrices.
     pub fn storage_len(&self) -> usize {
-        Capacity::new::<N, D>(self.mpc.horizon).storage_len()
+        Capacity::new::<N, D>(self.mpc.horizon, mpc::carried_by(&self.loops)).storage_len()
     }
 
     /// Checks what the law cannot live without.
@@ -217,8 +227,11 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         if !positive(&self.timing.sampling_time.seconds()) {
             return Err(ParameterError::SamplingTime);
         }
-        if !self.velocity_time_constant.iter().all(positive) || !self.wrench_time_constant.iter().all(|t| *t >= 0.0) {
+        if !self.loops.time_constant.iter().all(positive) || !self.wrench_time_constant.iter().all(|t| *t >= 0.0) {
             return Err(ParameterError::TimeConstant);
+        }
+        if !self.can_predict_loops() {
+            return Err(ParameterError::VelocityLoops);
         }
         if !mpc.input_weight.iter().all(positive) {
             return Err(ParameterError::InputWeight);
@@ -241,6 +254,19 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             Law::Damping { damping } if !damping.iter().all(positive) => Err(ParameterError::Damping),
             _ => Ok(()),
         }
+    }
+
+    /// Whether the model can have these speed loops.
+    fn can_predict_loops(&self) -> bool {
+        let (loops, mpc) = (&self.loops, &self.mpc);
+        let known = |value: &f64| *value >= 0.0 && value.is_finite();
+        let shortest = mpc.steps().iter().copied().fold(f64::INFINITY, f64::min);
+        let delay = self.timing.command_delay.seconds() + loops.dead_time.max();
+        let is_simple = loops.is_plain() && loops.dead_time.max() == 0.0 && loops.report_lag == 0.0;
+        loops.damping.iter().chain(&loops.dead_time).chain([&loops.report_lag]).all(known)
+            && loops.further_dead_time().max() <= shortest
+            && (is_simple || (mpc.discretization == Discretization::Zoh && mpc.models_delay))
+            && (is_simple || delay <= output::MAX_DELAY_CYCLES * self.timing.sampling_time.seconds())
     }
 
     /// The admittance axes that feel the surface.

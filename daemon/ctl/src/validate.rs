@@ -10,6 +10,7 @@ use crate::Exit;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  admittancectl validate /etc/admittanced/cell-3.toml\n  \
+    admittancectl validate -v deploy/robots/six-joint.toml\n  \
     admittancectl validate --scenario plant-sim/scenarios/paper.toml\n  admittancectl validate --keys")]
 pub(crate) struct Args {
     /// Files to check.
@@ -18,6 +19,9 @@ pub(crate) struct Args {
     /// The files are scenarios of plant-sim.
     #[arg(long)]
     scenario: bool,
+    /// Print what the controller would believe of the arm, too.
+    #[arg(short, long, conflicts_with_all = ["scenario", "keys"])]
+    verbose: bool,
     /// Print every key with type, unit, range, default and meaning instead.
     #[arg(long)]
     keys: bool,
@@ -37,6 +41,9 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
             config::load::<Config>(file).map(|config| {
                 check(&config)?;
                 config.warnings().iter().for_each(|warning| eprintln!("{}: warning: {warning}", file.display()));
+                if args.verbose {
+                    belief(&config).iter().for_each(|line| println!("{}: {line}", file.display()));
+                }
                 Ok(())
             })
         };
@@ -53,6 +60,33 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         }
     }
     Ok(worst)
+}
+
+/// What the controller believes of the arm, line by line.
+fn belief(config: &Config) -> Vec<String> {
+    let (robot, control) = (&config.robot, &config.control);
+    let mut lines = Vec::new();
+    let described = robot.velocity_loop.as_ref();
+    let value = |list: Option<&Vec<f64>>, joint: usize| list.map_or(0.0, |list| list[joint]);
+    for (joint, lag_s) in robot.velocity_time_constant_s.iter().enumerate() {
+        let damping = value(described.and_then(|it| it.damping.as_ref()), joint);
+        let dead_time_s = value(described.and_then(|it| it.dead_time_s.as_ref()), joint);
+        let order = match damping {
+            0.0 => format!("of first order, time constant {lag_s} s"),
+            _ => format!("of second order, {:.1} rad/s at -3 dB, damping {damping}", 1.0 / lag_s),
+        };
+        lines.push(format!("joint {joint}: speed loop {order}, dead time {dead_time_s} s"));
+    }
+    lines.push(match described.map_or(0.0, |it| it.report_lag_s) {
+        0.0 => "joint velocities: as reported".to_owned(),
+        lag_s => format!("joint velocities: reported with a lag of {lag_s} s, estimated"),
+    });
+    lines.push(format!(
+        "a command acts {} s after its sample{}",
+        control.command_delay_s,
+        if config.mpc.model_delay { "" } else { ", which the model leaves out" }
+    ));
+    lines
 }
 
 /// The configuration of a file, checked as far as `validate` does.

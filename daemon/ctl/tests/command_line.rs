@@ -21,3 +21,25 @@ fn every_subcommand_has_help_and_a_wrong_one_is_named() {
     let (code, text) = run(&["limts"]);
     assert_eq!((code, text.contains("limts")), (Some(64), true), "{text}");
 }
+
+#[test]
+fn validate_says_what_is_believed_of_the_arm() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../deploy/robots/planar.toml");
+    let told = std::fs::read_to_string(file).expect("a shipped file");
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = directory.path().join("cell.toml");
+    let section = "[robot.velocity_loop]\ndamping = [0.7, 0.0]\ndead_time_s = [0.001, 0.001]\nreport_lag_s = 0.002\n";
+    std::fs::write(&path, told.replacen("[[robot.joint]]", &format!("{section}\n[[robot.joint]]"), 1))
+        .expect("written");
+    let output = Command::new(env!("CARGO_BIN_EXE_admittancectl")).args(["validate", "-v"]).arg(&path).output();
+    let output = output.expect("it starts");
+    let text = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    for line in [
+        "joint 0: speed loop of second order, 66.7 rad/s at -3 dB, damping 0.7, dead time 0.001 s",
+        "joint 1: speed loop of first order, time constant 0.01 s, dead time 0.001 s",
+        "joint velocities: reported with a lag of 0.002 s, estimated",
+    ] {
+        assert!(text.contains(line), "{text}");
+    }
+}

@@ -33,6 +33,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
     let vector = |values: &[f64]| (values.len() == D).then(|| SVector::<f64, D>::from_column_slice(values));
     let joints = |values: &[f64]| (values.len() == N).then(|| SVector::<f64, N>::from_column_slice(values));
     let (contact, mpc, limits) = (&config.contact, &config.mpc, &config.limits);
+    let loops = config.robot.velocity_loops::<N>()?;
 
     let mut steps = [0.0; MAX_STEPS];
     let horizon = match &mpc.step_lengths_s {
@@ -46,9 +47,8 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
                 horizon as usize
             }
             None => {
-                let slowest = config.robot.velocity_time_constant_s.iter().copied().fold(0.0, f64::max);
                 let horizon;
-                (steps, horizon) = growing_steps(config.control.sampling_time_s, HORIZON_LAGS * slowest);
+                (steps, horizon) = growing_steps(config.control.sampling_time_s, HORIZON_LAGS * loops.slowest());
                 horizon
             }
         },
@@ -73,7 +73,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
     Some(Parameters {
         chain,
         minimum_reciprocal_condition: config.control.minimum_reciprocal_condition,
-        velocity_time_constant: joints(&config.robot.velocity_time_constant_s)?,
+        loops,
         wrench_time_constant: vector(&contact.wrench_time_constant_s)?,
         conditioning: conditioning(&config.wrench)?,
         surface: Surface::plane(

@@ -18,6 +18,8 @@ pub struct PlantParameters<const N: usize, const D: usize> {
     pub chain: Chain<N>,
     /// Velocity loops of the joints (4).
     pub joints: JointLoop<N>,
+    /// How long a reference takes to reach each loop, in ns.
+    pub dead_time_ns: [u64; N],
     /// Time constant of the lag with which q̇ is reported, in s; 0 = none.
     pub velocity_lag_s: f64,
     /// Joint position at the start, in rad; the arm is at rest.

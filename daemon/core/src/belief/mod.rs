@@ -1,5 +1,6 @@
 //! The belief about the surface: which axes touch it, where it is, and which force f̂ should
-//! therefore show. The only part of the core that learns.
+//! therefore show; and about the motion of joints that no sample shows as it is. The only part of
+//! the core that learns.
 //!
 //! ```
 //! use admittance_core::Controller;
@@ -24,6 +25,7 @@
 mod contact;
 mod detection;
 mod expectation;
+mod joint_motion;
 #[cfg(test)]
 mod tests;
 
@@ -32,6 +34,8 @@ use nalgebra::{SVector, Vector3};
 pub use contact::Thresholds;
 pub(crate) use contact::{Contact, Felt, SurfaceSigns};
 pub use expectation::Expected;
+pub use joint_motion::JointMotion;
+pub(crate) use joint_motion::JointObserver;
 
 use crate::intake::Accepted;
 use crate::surface::Surface;

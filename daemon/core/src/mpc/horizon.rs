@@ -3,22 +3,23 @@
 
 use nalgebra::SVector;
 
-use crate::mpc::model::{Discretization, Step};
+use crate::mpc::model::{CARRIED, Discretization, Step};
 use crate::output::MAX_STEPS;
+use crate::robot::VelocityLoops;
 
 /// Largest number of instants at which the force is bounded.
 pub const MAX_FORCE_POINTS: usize = 3 * MAX_STEPS;
 
-/// An instant within a step, or at its end: q there = q + a q̇ + b r, of q and q̇ at the start of
-/// the step.
+/// An instant within a step, or at its end: q there = q + Σ a_c c + b r, of q and of what the joints
+/// carry at the start of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ForcePoint<const N: usize> {
     /// The step, from 0.
     pub step: usize,
     /// Seconds from the sample.
     pub time: f64,
-    /// a in s.
-    pub position_by_velocity: SVector<f64, N>,
+    /// a, in the order of [`Step`].
+    pub position_by: [SVector<f64, N>; CARRIED],
     /// b in s.
     pub position_by_reference: SVector<f64, N>,
 }
@@ -27,7 +28,7 @@ pub struct ForcePoint<const N: usize> {
 #[derive(Debug, Clone)]
 pub struct Horizon<const N: usize, const D: usize> {
     steps: [Step<N, D>; MAX_STEPS],
-    velocity_time_constant: SVector<f64, N>,
+    until_rest: [SVector<f64, N>; CARRIED],
     /// Start of each step in s from the sample.
     starts: [f64; MAX_STEPS],
     /// Length of each step over the mean length.
@@ -46,7 +47,7 @@ fn acts_at_once<const N: usize>(position_by_reference: &SVector<f64, N>) -> bool
 
 /// Whether a wrench estimate at the end of a step depends on the motion within it.
 fn follows_within<const N: usize, const D: usize>(step: &Step<N, D>) -> bool {
-    step.wrench_by_velocity.iter().chain(&step.wrench_by_reference).any(|value| *value != 0.0)
+    step.wrench_by.iter().flatten().chain(&step.wrench_by_reference).any(|value| *value != 0.0)
 }
 
 impl<const N: usize, const D: usize> Horizon<N, D> {
@@ -58,19 +59,19 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
         discretization: Discretization,
         durations: &[f64],
         inside: impl Fn(usize) -> &'a [f64],
-        velocity_time_constant: &SVector<f64, N>,
+        loops: &VelocityLoops<N>,
         wrench_time_constant: &SVector<f64, D>,
     ) -> Self {
-        let stretch = |duration| discretization.step(duration, velocity_time_constant, wrench_time_constant);
+        let stretch = |duration| discretization.step(duration, loops, wrench_time_constant);
         let none = ForcePoint {
             step: 0,
             time: 0.0,
-            position_by_velocity: SVector::zeros(),
+            position_by: [SVector::zeros(); CARRIED],
             position_by_reference: SVector::zeros(),
         };
         let mut horizon = Self {
             steps: [stretch(0.0); MAX_STEPS],
-            velocity_time_constant: *velocity_time_constant,
+            until_rest: loops.until_rest(),
             starts: [0.0; MAX_STEPS],
             shares: [1.0; MAX_STEPS],
             len: durations.len().min(MAX_STEPS),
@@ -93,7 +94,7 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
                     horizon.points[horizon.point_count] = ForcePoint {
                         step,
                         time: start + duration * part,
-                        position_by_velocity: to_here.position_by_velocity,
+                        position_by: to_here.position_by,
                         position_by_reference: to_here.position_by_reference,
                     };
                     horizon.point_count += 1;
@@ -117,9 +118,14 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
         &self.steps[..self.len]
     }
 
-    /// T_V of each joint in s.
-    pub fn velocity_time_constant(&self) -> &SVector<f64, N> {
-        &self.velocity_time_constant
+    /// How many numbers the joints carry from step to step: 1 or [`CARRIED`].
+    pub fn carried(&self) -> usize {
+        self.steps[0].carried
+    }
+
+    /// How much further a joint moves by each of them until it rests under zero reference.
+    pub fn until_rest(&self) -> &[SVector<f64, N>; CARRIED] {
+        &self.until_rest
     }
 
     /// Whether all steps are of one length.

@@ -60,6 +60,7 @@ mod growing_steps;
 #[doc(hidden)]
 pub mod horizon;
 mod inward_speed;
+mod joint_response;
 #[doc(hidden)]
 pub mod model;
 mod options;
@@ -67,6 +68,7 @@ mod options;
 pub mod qp;
 mod situation;
 mod solve;
+mod step;
 mod stop;
 #[cfg(test)]
 mod tests;
@@ -82,11 +84,12 @@ pub use model::Discretization;
 pub use options::{ForcePoints, InputSelection, InwardSpeed, LowerBound, Options};
 pub use qp::{ActiveSet, QpSolver, SolverCapacity};
 pub(crate) use situation::Situation;
+pub(crate) use step::carried_by;
 pub use verdict::Verdict;
 
 use crate::intake::Timing;
 use crate::output::Plan;
-use crate::robot::MotionLimits;
+use crate::robot::{MotionLimits, VelocityLoops};
 use condensation::Workspace;
 use horizon::Horizon;
 use warm_start::WarmStart;
@@ -96,8 +99,8 @@ use warm_start::WarmStart;
 pub(crate) struct Settings<const N: usize, const D: usize> {
     /// Horizon, cost and bounds.
     pub options: Options<N, D>,
-    /// T_V per joint in s.
-    pub velocity_time_constant: SVector<f64, N>,
+    /// The joint speed loops.
+    pub loops: VelocityLoops<N>,
     /// T_est per axis in s; 0 for ideal force measurement.
     pub wrench_time_constant: SVector<f64, D>,
     /// Axes that admittance control may take over.
@@ -172,7 +175,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     /// [`Capacity`](condensation::Capacity) of the horizon asks for.
     pub(crate) fn new(settings: Settings<N, D>, solver: S, storage: B) -> Option<Self> {
         let options = &settings.options;
-        let horizon = options.horizon(&settings.velocity_time_constant, &settings.wrench_time_constant);
+        let horizon = options.horizon(&settings.loops, &settings.wrench_time_constant);
         Some(Self {
             workspace: Workspace::new(&horizon, &options.weights, storage)?,
             horizon,

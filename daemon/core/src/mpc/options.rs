@@ -8,6 +8,7 @@ use crate::mpc::force_points::Parts;
 use crate::mpc::horizon::Horizon;
 use crate::mpc::model::Discretization;
 use crate::output::MAX_STEPS;
+use crate::robot::VelocityLoops;
 
 /// Which axes get an input once any axis is in contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -88,17 +89,13 @@ impl<const N: usize, const D: usize> Options<N, D> {
         &self.steps[..self.horizon.min(MAX_STEPS)]
     }
 
-    /// The horizon for joints with the time constants T_V and a wrench estimate with T_est, in s.
-    pub fn horizon(
-        &self,
-        velocity_time_constant: &SVector<f64, N>,
-        wrench_time_constant: &SVector<f64, D>,
-    ) -> Horizon<N, D> {
+    /// The horizon for these speed loops and a wrench estimate with T_est, in s.
+    pub fn horizon(&self, loops: &VelocityLoops<N>, wrench_time_constant: &SVector<f64, D>) -> Horizon<N, D> {
         let steps = self.steps();
         let parts = match self.force_points {
             ForcePoints::StepEnds => Parts::none(),
-            ForcePoints::Dense => Parts::dense(steps, velocity_time_constant.max()),
+            ForcePoints::Dense => Parts::dense(steps, loops.slowest()),
         };
-        Horizon::new(self.discretization, steps, |step| parts.of(step), velocity_time_constant, wrench_time_constant)
+        Horizon::new(self.discretization, steps, |step| parts.of(step), loops, wrench_time_constant)
     }
 }

@@ -8,9 +8,10 @@ use super::model::{Model, State};
 use admittance_vocabulary::Side;
 
 use super::verdict::Verdict;
-use crate::belief::Belief;
+use crate::belief::{Belief, JointMotion};
 use crate::intake::Accepted;
 use crate::output::Output;
+use crate::quantities::Span;
 use crate::robot::Singular;
 
 /// Instants at which the force is looked at while an earlier command acts.
@@ -25,6 +26,8 @@ pub(crate) struct Situation<'a, const N: usize, const D: usize> {
     pub belief: &'a Belief<D>,
     /// What has been told to the arm.
     pub output: &'a Output<D>,
+    /// How its joints really move.
+    pub joints: JointMotion<N>,
     /// (17) at this sample.
     pub model: Model<N, D>,
 }
@@ -48,9 +51,10 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         sample: &'a Accepted<N, D>,
         belief: &'a Belief<D>,
         output: &'a Output<D>,
+        joints: JointMotion<N>,
     ) -> Result<Self, Singular> {
         let model = Model::new(belief.surface(), &sample.posture, &sample.joint_position)?;
-        Ok(Self { sample, belief, output, model })
+        Ok(Self { sample, belief, output, joints, model })
     }
 
     /// s·f_lin at the measured q on an axis whose contact has the sign s, in N.
@@ -63,31 +67,36 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         self.model.jacobian_inverse * twist
     }
 
-    /// The state when the command for this sample acts, and the forces until then, under the
-    /// commands that are under way.
+    /// The state when the command for this sample reaches the joints, and the forces until then, under
+    /// the commands that are under way.
     pub(super) fn at_action(&self, settings: &Settings<N, D>, bounds: &ForceBounds<D>) -> Start<N, D> {
-        let sample = self.sample;
-        let state = State {
-            joint_position: sample.joint_position,
-            joint_velocity: sample.joint_velocity,
-            wrench: sample.wrench,
-        };
+        let (sample, loops) = (self.sample, &settings.loops);
+        let mut state = State::moving(sample.joint_position, self.joints.velocity, sample.wrench);
+        state.joint_acceleration = self.joints.acceleration;
         let mut start = Start { state, delay: 0.0, verdict: None };
-        let delay = settings.timing.command_delay;
-        if !settings.options.models_delay || delay.seconds() <= 0.0 {
+        let delay = settings.timing.command_delay + Span::from_seconds(loops.common_dead_time());
+        if !settings.options.models_delay {
             return start;
         }
+        let under_way = self.output.under_way();
+        let twist = |offset: Option<SVector<f64, D>>| offset.map(|offset| sample.twist_reference + offset);
+        let reference =
+            |twist: Option<SVector<f64, D>>| twist.map_or_else(SVector::zeros, |twist| self.joint_velocity(&twist));
         let mut worst = 0.0;
-        for stretch in self.output.under_way().between(sample.stamp, sample.stamp + delay) {
-            let twist = stretch.offset.map(|offset| sample.twist_reference + offset);
-            let reference = twist.map_or_else(SVector::zeros, |twist| self.joint_velocity(&twist));
-            let step = settings.options.discretization.step(
+        for stretch in under_way.between(sample.stamp, sample.stamp + delay, loops.dead_times()) {
+            let mut references = reference(twist(stretch.offset[0]));
+            for joint in 1..N {
+                if stretch.offset[joint] != stretch.offset[0] {
+                    references[joint] = reference(twist(stretch.offset[joint]))[joint];
+                }
+            }
+            let step = settings.options.discretization.without_dead_time(
                 stretch.duration / f64::from(PIECES),
-                &settings.velocity_time_constant,
+                loops,
                 &settings.wrench_time_constant,
             );
             for _ in 0..PIECES {
-                start.state = self.model.advance(&step, &start.state, &reference);
+                start.state = self.model.advance(&step, &start.state, &references);
                 start.delay += step.duration;
                 for bound in bounds.as_slice() {
                     let force = bound.sign * self.model.linear_wrench_on(bound.axis, &start.state.joint_position);
@@ -99,6 +108,7 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
                 }
             }
         }
+        start.state.earlier_reference = reference(twist(under_way.latest()));
         start
     }
 }

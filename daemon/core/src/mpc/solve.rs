@@ -4,7 +4,7 @@ use nalgebra::SVector;
 
 use super::condensation::{MpcRows, Prediction, condense};
 use super::constraints::{Constraints, ForceBounds};
-use super::model::State;
+use super::model::{CARRIED, State};
 use super::qp::{QpOutcome, QpSolver, kkt_residual};
 use super::verdict::{checked_infeasible, margin_of};
 use super::{Mpc, Settings, Situation, Solution};
@@ -21,20 +21,34 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         known_twist: &[SVector<f64, D>],
         expired: &mut dyn FnMut() -> bool,
     ) -> Solution<()> {
+        if self.horizon.carried() == 1 {
+            self.solve_for::<1>(situation, prediction, known_twist, expired)
+        } else {
+            self.solve_for::<CARRIED>(situation, prediction, known_twist, expired)
+        }
+    }
+
+    fn solve_for<const C: usize>(
+        &mut self,
+        situation: &Situation<'_, N, D>,
+        prediction: &Prediction<'_, N, D>,
+        known_twist: &[SVector<f64, D>],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Solution<()> {
         // From here on the number of inputs is a constant: loops over them are unrolled. Numbers
         // above D are left out.
         match prediction.inputs.as_slice().len() {
-            1 => self.solve_with::<1>(situation, prediction, known_twist, expired),
-            2 if const { D >= 2 } => self.solve_with::<2>(situation, prediction, known_twist, expired),
-            3 if const { D >= 3 } => self.solve_with::<3>(situation, prediction, known_twist, expired),
-            4 if const { D >= 4 } => self.solve_with::<4>(situation, prediction, known_twist, expired),
-            5 if const { D >= 5 } => self.solve_with::<5>(situation, prediction, known_twist, expired),
-            6 if const { D >= 6 } => self.solve_with::<6>(situation, prediction, known_twist, expired),
+            1 => self.solve_with::<1, C>(situation, prediction, known_twist, expired),
+            2 if const { D >= 2 } => self.solve_with::<2, C>(situation, prediction, known_twist, expired),
+            3 if const { D >= 3 } => self.solve_with::<3, C>(situation, prediction, known_twist, expired),
+            4 if const { D >= 4 } => self.solve_with::<4, C>(situation, prediction, known_twist, expired),
+            5 if const { D >= 5 } => self.solve_with::<5, C>(situation, prediction, known_twist, expired),
+            6 if const { D >= 6 } => self.solve_with::<6, C>(situation, prediction, known_twist, expired),
             _ => Solution::Failed { iterations: 0 },
         }
     }
 
-    fn solve_with<const M: usize>(
+    fn solve_with<const M: usize, const C: usize>(
         &mut self,
         situation: &Situation<'_, N, D>,
         prediction: &Prediction<'_, N, D>,
@@ -45,7 +59,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             return Solution::Expired { iterations: 0 };
         }
         let stamp = situation.sample.stamp;
-        let rows = MpcRows::<N, D, M>::new(&situation.model, &self.horizon, prediction);
+        let rows = MpcRows::<N, D, M, C>::new(&situation.model, &self.horizon, prediction);
         let Some(rows) = rows else { return Solution::Failed { iterations: 0 } };
         let Some(mut pieces) = self.workspace.pieces(&rows) else { return Solution::Failed { iterations: 0 } };
         condense(&rows, &mut pieces);
@@ -128,7 +142,10 @@ impl<const N: usize, const D: usize> Settings<N, D> {
     /// Position limits; where a joint cannot help coming to rest beyond one, the place where it does: zero
     /// reference keeps it there, and where the rate of the offset is limited the straight way to zero.
     fn reachable(&self, limits: &Interval<N>, situation: &Situation<'_, N, D>, start: &State<N, D>) -> Interval<N> {
-        let rest = start.joint_position + self.velocity_time_constant.component_mul(&start.joint_velocity);
+        let carried = start.carried();
+        let until_rest = self.loops.until_rest();
+        let rest =
+            until_rest.iter().zip(&carried).fold(start.joint_position, |rest, (by, c)| rest + by.component_mul(c));
         let before = situation.sample.twist_reference + situation.output.offset();
         let rates = [&self.limits.inward_rate, &self.limits.outward_rate];
         let longest = |axis: usize| {

@@ -11,8 +11,10 @@ use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::{SetPoint, Weights};
 use super::model::{Model, State};
 use super::qp::QpSolver;
+use super::step::position_by;
 use super::{Mpc, Settings, Situation, Solution};
 use crate::output::{MAX_STEPS, Plan};
+use crate::robot::VelocityLoops;
 use crate::surface::{STANDSTILL, Surface};
 
 /// The violation is minimised before all else: its price is far above the sum of multipliers, which
@@ -77,8 +79,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let state = situation.at_action(&self.settings, &ForceBounds::none()).state;
         let outward_speed = surface.outward_speed(&(sample.posture.jacobian() * state.joint_velocity));
         let measured = surface.pressing_force(&sample.wrench);
-        let lags = &self.settings.velocity_time_constant;
-        let coasting = peak_while_coasting(&situation.model, lags, &state, &-surface.normal);
+        let coasting = peak_while_coasting(&situation.model, &self.settings.loops, &state, &-surface.normal);
         let limit = self.settings.stop_force;
         outward_speed >= -STANDSTILL && measured <= limit && coasting <= limit
     }
@@ -113,23 +114,20 @@ fn weights<const N: usize, const D: usize>(surface: &Surface<D>, steps: &[f64]) 
 }
 
 /// Largest f_lin along `direction` (in N, summed over axes) while the arm coasts from `x` under
-/// zero joint velocity reference: q(t) = q + T_V q̇ (1 − exp(−t/T_V)), seen at 32 instants over
-/// five of the largest T_V.
+/// zero joint velocity reference, seen at 32 instants until its slowest joint has done 99 %.
 fn peak_while_coasting<const N: usize, const D: usize>(
     model: &Model<N, D>,
-    velocity_time_constant: &SVector<f64, N>,
+    loops: &VelocityLoops<N>,
     x: &State<N, D>,
     direction: &SVector<f64, D>,
 ) -> f64 {
     const INSTANTS: u32 = 32;
-    let end = 5.0 * velocity_time_constant.max();
+    let end = 5.0 * loops.slowest() + loops.further_dead_time().max();
+    let carried = x.carried();
     let mut peak = f64::NEG_INFINITY;
     for instant in 0..=INSTANTS {
-        let t = end * f64::from(instant) / f64::from(INSTANTS);
-        let q = SVector::from_fn(|joint, _| {
-            let lag = velocity_time_constant[joint];
-            x.joint_position[joint] + lag * x.joint_velocity[joint] * (1.0 - libm::exp(-t / lag))
-        });
+        let by = position_by(end * f64::from(instant) / f64::from(INSTANTS), loops);
+        let q = by.iter().zip(&carried).fold(x.joint_position, |q, (by, carried)| q + by.component_mul(carried));
         peak = peak.max(direction.dot(&model.linear_wrench(&q)));
     }
     peak

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::condensation::Capacity;
 use super::qp::ActiveSet;
 use super::{Demand, Mpc, Situation, Solution};
-use crate::belief::Belief;
+use crate::belief::{Belief, JointMotion};
 use crate::common::{active_set, normal, parameters, pushing};
 use crate::intake::{Accepted, Event, Intake, Sample};
 use crate::output::{Output, Plan};
@@ -14,7 +14,7 @@ type Planar = Mpc<2, 2, ActiveSet<Vec<f64>>, Vec<f64>>;
 
 fn mpc() -> Planar {
     let parameters = parameters();
-    let storage = vec![0.0; Capacity::new::<2, 2>(parameters.mpc.horizon).storage_len()];
+    let storage = vec![0.0; Capacity::new::<2, 2>(parameters.mpc.horizon, 1).storage_len()];
     Mpc::new(parameters.mpc(), active_set(), storage).expect("storage of that length")
 }
 
@@ -34,7 +34,8 @@ fn solved<R>(mpc: &mut Planar, force: f64, speed: f64, solve: impl Fn(&mut Plana
     let mut belief = Belief::new(parameters().belief());
     belief.follow(&sample, &belief.felt(&sample.wrench), false);
     let output = Output::new(parameters().output());
-    let situation = Situation::new(&sample, &belief, &output).expect("far from singular");
+    let joints = JointMotion { velocity: sample.joint_velocity, acceleration: Vector2::zeros() };
+    let situation = Situation::new(&sample, &belief, &output, joints).expect("far from singular");
     solve(mpc, &situation)
 }
 

@@ -58,8 +58,8 @@ impl Verdict {
 
 /// The verdict on a solved problem: the smallest slack to an upper force bound under the inputs
 /// `z`, where A z is `values`.
-pub(super) fn margin_of<const N: usize, const D: usize, const M: usize>(
-    rows: &MpcRows<'_, N, D, M>,
+pub(super) fn margin_of<const N: usize, const D: usize, const M: usize, const C: usize>(
+    rows: &MpcRows<'_, N, D, M, C>,
     qp: &Qp<'_>,
     z: &[f64],
     values: &[f64],
@@ -80,8 +80,8 @@ pub(super) fn margin_of<const N: usize, const D: usize, const M: usize>(
 /// The verdict on a problem that the solver calls infeasible, if its certificate `y` proves it for
 /// every input within `reach` (m/s, rad/s); `None` when it does not. `scratch` is at least stride
 /// long.
-pub(super) fn checked_infeasible<const N: usize, const D: usize, const M: usize>(
-    rows: &MpcRows<'_, N, D, M>,
+pub(super) fn checked_infeasible<const N: usize, const D: usize, const M: usize, const C: usize>(
+    rows: &MpcRows<'_, N, D, M, C>,
     qp: &Qp<'_>,
     y: &[f64],
     reach: f64,

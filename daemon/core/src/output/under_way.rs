@@ -1,22 +1,23 @@
 //! Commands under way: the command for the sample stamped t acts at t plus the command delay, so at
-//! a sample some earlier commands have yet to act. They are known inputs of the model.
+//! a sample some earlier commands have yet to act, and some have yet to reach joints with dead time.
+//! They are known inputs of the model.
 
 use nalgebra::SVector;
 
-use crate::quantities::Instant;
+use crate::quantities::{Instant, Span};
 
 /// Commands kept.
 const COMMANDS: usize = 16;
 /// Longest command delay that is covered, in cycles.
 pub const MAX_DELAY_CYCLES: f64 = 8.0;
 
-/// A twist that the joints follow for some time.
+/// A stretch of time in which no joint's reference changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Stretch<const D: usize> {
+pub(crate) struct Stretch<const N: usize, const D: usize> {
     /// Length in s.
     pub(crate) duration: f64,
-    /// Δṗ; `None` is zero joint velocity.
-    pub(crate) offset: Option<SVector<f64, D>>,
+    /// The Δṗ that each joint follows; `None` is zero joint velocity.
+    pub(crate) offset: [Option<SVector<f64, D>>; N],
 }
 
 /// The last commands, by the instants from which they act.
@@ -46,18 +47,34 @@ impl<const D: usize> UnderWay<D> {
         self.len += 1;
     }
 
-    /// What acts between two instants, in order.
-    pub(crate) fn between(&self, start: Instant, end: Instant) -> impl Iterator<Item = Stretch<D>> {
+    /// What the joints follow between two instants, in order, where a command reaches each after its
+    /// dead time.
+    pub(crate) fn between<const N: usize>(
+        &self,
+        start: Instant,
+        end: Instant,
+        dead_time: [Span; N],
+    ) -> impl Iterator<Item = Stretch<N, D>> {
         let commands = &self.commands[..self.len];
-        let ends =
-            (0..=self.len).map(move |next| commands.get(next).map_or(end, |(from, _)| (*from).clamp(start, end)));
-        let offsets =
-            (0..=self.len).map(move |next| next.checked_sub(1).map_or(Some(SVector::zeros()), |at| commands[at].1));
         let mut begun = start;
-        ends.zip(offsets).filter_map(move |(end, offset)| {
-            let duration = end.since(begun).seconds();
-            begun = begun.max(end);
-            (duration > 0.0).then_some(Stretch { duration, offset })
+        core::iter::from_fn(move || {
+            if begun >= end {
+                return None;
+            }
+            let reached = |joint: usize| move |(from, _): &&(Instant, _)| *from + dead_time[joint] <= begun;
+            let offset = core::array::from_fn(|joint| {
+                commands.iter().rfind(reached(joint)).map_or(Some(SVector::zeros()), |(_, offset)| *offset)
+            });
+            let changes = (0..N).flat_map(|joint| commands.iter().map(move |(from, _)| *from + dead_time[joint]));
+            let next = changes.filter(|change| *change > begun).fold(end, Instant::min);
+            let duration = next.since(begun).seconds();
+            begun = next;
+            Some(Stretch { duration, offset })
         })
+    }
+
+    /// Δṗ of the last command; `None` is zero joint velocity.
+    pub(crate) fn latest(&self) -> Option<SVector<f64, D>> {
+        self.len.checked_sub(1).map_or(Some(SVector::zeros()), |last| self.commands[last].1)
     }
 }

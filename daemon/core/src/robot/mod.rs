@@ -26,9 +26,11 @@ mod chain;
 mod inverse;
 mod limits;
 mod posture;
+mod velocity_loops;
 
 pub use arms::SUPPORTED_ARMS;
 pub use chain::{Chain, ChainError, Joint, Kinematics, Pose, rotation_from_rpy};
 pub use inverse::{InverseJacobian, Singular, right_inverse};
 pub use limits::{Interval, MotionLimits};
 pub use posture::Posture;
+pub use velocity_loops::VelocityLoops;

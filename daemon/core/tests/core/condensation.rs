@@ -1,9 +1,10 @@
 //! The condensed QP against the cost of simulated trajectories.
 
 use crate::common::problems::{
-    DISCRETIZATIONS, Numbers, Problem, SLACK_UNIT, SLACKS, Shape, cases, largest, order, shapes, workspace,
+    DISCRETIZATIONS, Loops, Numbers, Problem, SLACK_UNIT, SLACKS, Shape, cases, largest, order, shapes, workspace,
 };
 use admittance_core::mpc::condensation::{MpcRows, condense};
+use admittance_core::mpc::model::{CARRIED, Discretization};
 use admittance_core::output::MAX_STEPS;
 
 /// What [`condense`] wrote, in the order of time: column a + m·k is input a of step k, and the last
@@ -15,7 +16,14 @@ struct Condensed {
 }
 
 fn condensed<const N: usize, const D: usize, const M: usize>(problem: &Problem<N, D>) -> Condensed {
-    let rows = MpcRows::<N, D, M>::new(&problem.model, &problem.horizon, &problem.prediction).expect("M inputs");
+    match problem.horizon.carried() {
+        1 => condensed_of::<N, D, M, 1>(problem),
+        _ => condensed_of::<N, D, M, CARRIED>(problem),
+    }
+}
+
+fn condensed_of<const N: usize, const D: usize, const M: usize, const C: usize>(problem: &Problem<N, D>) -> Condensed {
+    let rows = MpcRows::<N, D, M, C>::new(&problem.model, &problem.horizon, &problem.prediction).expect("M inputs");
     let mut workspace = workspace(&problem.horizon, problem.prediction.weights);
     let mut pieces = workspace.pieces(&rows).expect("within capacity");
     condense(&rows, &mut pieces);
@@ -112,8 +120,9 @@ fn gradient_and_hessian_are_those_of_the_simulated_cost_for_any_number_of_joints
     // The longest.
     let longest = [(MAX_STEPS, 6, false), (MAX_STEPS, 3, false), (16, 3, true)];
     for ((steps, inputs, by_task), discretization) in longest.into_iter().zip(DISCRETIZATIONS.into_iter().cycle()) {
-        let (steps, estimate) = (vec![0.004; steps], [0.020, 0.030]);
-        let shape = Shape { discretization, steps, inputs, by_task, estimate, slack: SLACKS[1], partial: false };
+        let (steps, estimate, slack) = (vec![0.004; steps], [0.020, 0.030], SLACKS[1]);
+        let loops = if discretization == Discretization::Zoh { Loops::Mixed } else { Loops::Plain };
+        let shape = Shape { discretization, steps, inputs, by_task, estimate, slack, partial: false, loops };
         assert_is_that_of_the_cost(&shape.problem::<6, 6>(&mut numbers), &format!("{shape:?}"));
     }
 }

@@ -1,10 +1,15 @@
 //! The constraint rows against the simulated trajectory that they bound.
 
-use crate::common::problems::{Numbers, Point, Problem, SLACK_UNIT, SLACKS, Shape, largest, order, shapes, workspace};
+use crate::common::problems::{
+    Loops, Numbers, Point, Problem, SLACK_UNIT, SLACKS, Shape, largest, order, shapes, workspace,
+};
 use admittance_core::mpc::condensation::{MpcRows, condense};
 use admittance_core::mpc::constraints::{Row, RowKind, Softened};
+use admittance_core::mpc::model::{CARRIED, Discretization, Model, State};
 use admittance_core::mpc::qp::{LANES, Rows, padded};
 use admittance_core::output::MAX_STEPS;
+use admittance_core::robot::VelocityLoops;
+use nalgebra::{SMatrix, SVector};
 
 /// A quantity that a row bounds, in the row's unit.
 struct Bounded {
@@ -21,7 +26,7 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
     let (c, h) = (&p.constraints, steps.len());
     let (speed, position) = (c.joint_speed.expect("all kinds"), c.rest_position.expect("all kinds"));
     let (offset, rate) = (c.offset.expect("all kinds"), c.rate.expect("all kinds"));
-    let (velocity_constant, estimate) = shape.time_constants();
+    let (loops, estimate) = shape.lags();
     let states = problem.trajectory(z);
     let mut all = Vec::new();
     let mut push = |kind, component, instant, value, lower, upper| {
@@ -50,13 +55,13 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
         push(RowKind::NormalSpeed, 0, k, value, along.least[k], f64::INFINITY);
     }
     for k in 0..h {
-        let value = states[k + 1].joint_position + states[k + 1].joint_velocity.component_mul(&velocity_constant);
+        let value = rest_position(&states[k + 1], &loops);
         (0..N).for_each(|i| push(RowKind::RestPosition, i, k, value[i], position.lower[i], position.upper[i]));
     }
     let slack = p.slack.map(|_| *z.last().expect("the slack is a variable"));
     let softens = |softened| p.slack.is_some_and(|slack| slack.softened == softened);
     let force_at = |k: usize, part: f64| {
-        let to_here = shape.discretization.step(part * steps[k], &velocity_constant, &estimate);
+        let to_here = shape.discretization.step(part * steps[k], &loops, &estimate);
         let there = problem.model.advance(&to_here, &states[k], &problem.reference(z, k));
         problem.model.linear_wrench(&there.joint_position)
     };
@@ -91,11 +96,29 @@ fn rounding(row: &Row) -> f64 {
     if matches!(row.kind, RowKind::Force | RowKind::MinimumForce) { 1e-9 } else { 1e-13 }
 }
 
+/// Where the joints are long after their reference has become zero, by the model.
+fn rest_position<const N: usize, const D: usize>(state: &State<N, D>, loops: &VelocityLoops<N>) -> SVector<f64, N> {
+    let free = Model::<N, D> {
+        jacobian_inverse: SMatrix::zeros(),
+        wrench_gradient: SMatrix::zeros(),
+        wrench_offset: SVector::zeros(),
+    };
+    let long = Discretization::Zoh.step(10.0, loops, &SVector::repeat(0.02));
+    free.advance(&long, state, &SVector::zeros()).joint_position
+}
+
 /// The rows of an arbitrary problem, of every kind at once, against [`bounded`].
 fn check_rows<const N: usize, const D: usize, const M: usize>(shape: &Shape, numbers: &mut Numbers) {
+    match shape.loops {
+        Loops::Plain => check_rows_of::<N, D, M, 1>(shape, numbers),
+        Loops::Mixed => check_rows_of::<N, D, M, CARRIED>(shape, numbers),
+    }
+}
+
+fn check_rows_of<const N: usize, const D: usize, const M: usize, const C: usize>(shape: &Shape, numbers: &mut Numbers) {
     let problem = shape.problem::<N, D>(numbers);
     let what = format!("{N} joints, {shape:?}");
-    let rows = MpcRows::<N, D, M>::new(&problem.model, &problem.horizon, &problem.prediction).expect("M inputs");
+    let rows = MpcRows::<N, D, M, C>::new(&problem.model, &problem.horizon, &problem.prediction).expect("M inputs");
     let mut workspace = workspace(&problem.horizon, problem.prediction.weights);
     let mut pieces = workspace.pieces(&rows).expect("within capacity");
     condense(&rows, &mut pieces);
@@ -209,13 +232,14 @@ fn rows_are_those_of_the_simulated_trajectory() {
         }
     }
     let longest = Shape {
-        discretization: admittance_core::mpc::model::Discretization::Euler,
+        discretization: Discretization::Euler,
         steps: vec![0.004; MAX_STEPS],
         inputs: 6,
         by_task: false,
         estimate: [0.020, 0.030],
         slack: SLACKS[1],
         partial: false,
+        loops: Loops::Plain,
     };
     check_rows::<6, 6, 6>(&longest, &mut numbers);
 }

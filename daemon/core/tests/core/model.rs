@@ -3,6 +3,7 @@
 
 use crate::common;
 use admittance_core::mpc::model::{Discretization, Model, State, Step};
+use admittance_core::robot::VelocityLoops;
 use nalgebra::{SMatrix, SVector, Vector2};
 use serde::Deserialize;
 
@@ -73,8 +74,7 @@ fn check(golden: &Golden, expected: &GoldenModel) {
     let axes: Vec<usize> = expected.active_axes.iter().map(name).collect();
     let rest = SVector::<f64, 2>::zeros();
     let parameters = common::parameters();
-    let step: Step<2, 2> =
-        Discretization::Euler.step(T_S, &parameters.velocity_time_constant, &parameters.wrench_time_constant);
+    let step: Step<2, 2> = Discretization::Euler.step(T_S, &parameters.loops, &parameters.wrench_time_constant);
 
     // A model without its constant part is linear: A and B come from it exactly, γ from the whole
     // one at the origin.
@@ -103,7 +103,7 @@ fn check(golden: &Golden, expected: &GoldenModel) {
     }
 
     // The whole step: A x + E ṗ0 + γ.
-    let x = State { joint_position: q, joint_velocity: Vector2::new(0.3, -0.2), wrench: Vector2::new(-40.0, -90.0) };
+    let x = State::moving(q, Vector2::new(0.3, -0.2), Vector2::new(-40.0, -90.0));
     let twist = [0.1, -0.25];
     let x_flat = flat(&x, &axes);
     let reference = model.jacobian_inverse * Vector2::from(twist);
@@ -149,9 +149,8 @@ fn an_ideal_measurement_is_the_linear_wrench_at_every_instant() {
     let model = common::model(&parameters, &q);
     // One axis without a filter, one with.
     let estimate = Vector2::new(0.0, 0.020);
-    let step: Step<2, 2> = Discretization::Euler.step(T_S, &parameters.velocity_time_constant, &estimate);
-    let mut x =
-        State { joint_position: q, joint_velocity: Vector2::new(0.3, -0.2), wrench: Vector2::new(-40.0, -90.0) };
+    let step: Step<2, 2> = Discretization::Euler.step(T_S, &parameters.loops, &estimate);
+    let mut x = State::moving(q, Vector2::new(0.3, -0.2), Vector2::new(-40.0, -90.0));
     for _ in 0..3 {
         let next = model.advance(&step, &x, &Vector2::new(0.1, 0.2));
         let ideal = model.linear_wrench(&next.joint_position).x;
@@ -167,10 +166,10 @@ fn an_ideal_measurement_is_the_linear_wrench_at_every_instant() {
 }
 
 /// exp(A) by its series for A/2⁶, squared six times.
-fn exponential(a: &SMatrix<f64, 8, 8>) -> SMatrix<f64, 8, 8> {
+fn exponential<const K: usize>(a: &SMatrix<f64, K, K>) -> SMatrix<f64, K, K> {
     let scaled = a / 64.0;
     let mut sum = SMatrix::identity();
-    let mut term = SMatrix::<f64, 8, 8>::identity();
+    let mut term = SMatrix::<f64, K, K>::identity();
     for k in 1..40 {
         term = term * scaled / f64::from(k);
         sum += term;
@@ -178,11 +177,11 @@ fn exponential(a: &SMatrix<f64, 8, 8>) -> SMatrix<f64, 8, 8> {
     (0..6).fold(sum, |power, _| power * power)
 }
 
-/// One step of the continuous model [q; q̇; f̂] under a constant r, by the exponential of its
+/// The continuous model [q; q̇; q̈; f̂] over a time under a constant r, by the exponential of its
 /// matrix.
 fn by_exponential(
     model: &Model<2, 2>,
-    joint_lag: &Vector2<f64>,
+    loops: &VelocityLoops<2>,
     lag: &Vector2<f64>,
     duration: f64,
     x: &State<2, 2>,
@@ -190,49 +189,76 @@ fn by_exponential(
 ) -> State<2, 2> {
     // The state is followed by r, which is constant; without the constant part of f_lin the model
     // is linear.
-    let mut matrix = SMatrix::<f64, 8, 8>::zeros();
+    let mut matrix = SMatrix::<f64, 10, 10>::zeros();
     for joint in 0..2 {
-        matrix[(joint, 2 + joint)] = 1.0;
-        matrix[(2 + joint, 2 + joint)] = -1.0 / joint_lag[joint];
-        matrix[(2 + joint, 6 + joint)] = 1.0 / joint_lag[joint];
-    }
-    for axis in 0..2 {
-        matrix[(4 + axis, 4 + axis)] = -1.0 / lag[axis];
-        for joint in 0..2 {
-            matrix[(4 + axis, joint)] = model.wrench_gradient[(joint, axis)] / lag[axis];
+        let (q, v, a, r) = (joint, 2 + joint, 4 + joint, 8 + joint);
+        matrix[(q, v)] = 1.0;
+        if let Some(omega) = loops.frequency(joint) {
+            matrix[(v, a)] = 1.0;
+            matrix[(a, v)] = -omega * omega;
+            matrix[(a, a)] = -2.0 * loops.damping[joint] * omega;
+            matrix[(a, r)] = omega * omega;
+        } else {
+            matrix[(v, v)] = -1.0 / loops.time_constant[joint];
+            matrix[(v, r)] = 1.0 / loops.time_constant[joint];
         }
     }
-    let start = SVector::<f64, 8>::from_iterator(
-        x.joint_position.iter().chain(&x.joint_velocity).chain(&x.wrench).chain(r).copied(),
-    );
-    let end = exponential(&(matrix * duration)) * start;
+    for axis in 0..2 {
+        matrix[(6 + axis, 6 + axis)] = -1.0 / lag[axis];
+        for joint in 0..2 {
+            matrix[(6 + axis, joint)] = model.wrench_gradient[(joint, axis)] / lag[axis];
+        }
+    }
+    let [position, velocity, acceleration] = [x.joint_position, x.joint_velocity, x.joint_acceleration];
+    let start = position.iter().chain(&velocity).chain(&acceleration).chain(&x.wrench).chain(r).copied();
+    let end = exponential(&(matrix * duration)) * SVector::<f64, 10>::from_iterator(start);
     State {
         joint_position: Vector2::new(end[0], end[1]),
         joint_velocity: Vector2::new(end[2], end[3]),
-        wrench: Vector2::new(end[4], end[5]),
+        joint_acceleration: Vector2::new(end[4], end[5]),
+        earlier_reference: *r,
+        wrench: Vector2::new(end[6], end[7]),
     }
+}
+
+/// The same where the second joint's reference waits for its dead time: one stretch after the other.
+fn with_dead_time(
+    model: &Model<2, 2>,
+    loops: &VelocityLoops<2>,
+    lag: &Vector2<f64>,
+    duration: f64,
+    x: &State<2, 2>,
+    r: &Vector2<f64>,
+) -> State<2, 2> {
+    let waits = loops.dead_time[1] - loops.dead_time[0];
+    let before = Vector2::new(r[0], x.earlier_reference[1]);
+    let then = by_exponential(model, loops, lag, waits, x, &before);
+    by_exponential(model, loops, lag, duration - waits, &then, r)
+}
+
+/// Without the constant part of f_lin.
+fn linear_model() -> Model<2, 2> {
+    let q = Vector2::from(golden().joint_position);
+    Model { wrench_offset: SVector::zeros(), ..common::model(&common::parameters(), &q) }
+}
+
+fn moving() -> State<2, 2> {
+    State::moving(Vector2::new(2e-3, -1e-3), Vector2::new(0.3, -0.2), Vector2::new(-40.0, 90.0))
 }
 
 #[test]
 fn the_exact_step_is_the_matrix_exponential() {
-    let parameters = common::parameters();
-    let q = Vector2::from(golden().joint_position);
-    let model = Model { wrench_offset: SVector::zeros(), ..common::model(&parameters, &q) };
-    let joint_lag = parameters.velocity_time_constant;
-    let x = State {
-        joint_position: Vector2::new(2e-3, -1e-3),
-        joint_velocity: Vector2::new(0.3, -0.2),
-        wrench: Vector2::new(-40.0, 90.0),
-    };
-    let r = Vector2::new(-1.1, 0.7);
+    let model = linear_model();
+    let loops = common::parameters().loops;
+    let (x, r) = (moving(), Vector2::new(-1.1, 0.7));
     // T_est at, around and far from both T_V.
     let around = [1.0, 1.0 + 1e-13, 1.0 - 1e-10, 1.0 + 1e-9, 1.0 - 1e-6, 1.0 + 1e-3, 0.7, 2.0, 0.05];
     for duration in [0.00025, 0.001, 0.004, 0.02] {
         for factor in around {
-            let lag = joint_lag * factor;
-            let step: Step<2, 2> = Discretization::Zoh.step(duration, &joint_lag, &lag);
+            let lag = loops.time_constant * factor;
+            let step: Step<2, 2> = Discretization::Zoh.step(duration, &loops, &lag);
             let (found, expected) =
-                (model.advance(&step, &x, &r), by_exponential(&model, &joint_lag, &lag, duration, &x, &r));
+                (model.advance(&step, &x, &r), by_exponential(&model, &loops, &lag, duration, &x, &r));
             let what = format!("{duration} s, T_est = {factor} T_V");
             assert_row(&what, found.joint_position.as_slice(), expected.joint_position.as_slice());
             assert_row(&what, found.joint_velocity.as_slice(), expected.joint_velocity.as_slice());
@@ -241,11 +267,49 @@ fn the_exact_step_is_the_matrix_exponential() {
         // Without a filter the estimate is f_lin; and so it is, nearly, with one that is fast as
         // nothing.
         for lag in [0.0, 1e-15] {
-            let step: Step<2, 2> = Discretization::Zoh.step(duration, &joint_lag, &Vector2::repeat(lag));
+            let step: Step<2, 2> = Discretization::Zoh.step(duration, &loops, &Vector2::repeat(lag));
             let found = model.advance(&step, &x, &r);
             let ideal = model.linear_wrench(&found.joint_position);
             let bound = 1e-12 * ideal.norm() + lag * model.wrench_gradient.norm() * 3.0;
             assert!((found.wrench - ideal).norm() <= bound, "T_est = {lag} s: {}, not {ideal}", found.wrench);
+        }
+    }
+}
+
+#[test]
+fn the_exact_step_of_loops_of_second_order_is_the_matrix_exponential() {
+    let model = linear_model();
+    let x =
+        State { joint_acceleration: Vector2::new(-12.0, 7.0), earlier_reference: Vector2::new(0.4, -0.9), ..moving() };
+    let r = Vector2::new(-1.1, 0.7);
+    // Around critical damping the two poles meet, and above it one of them may be that of the filter.
+    let dampings = [0.1, 0.5, 0.7, 1.0 - 1e-9, 1.0, 1.0 + 1e-9, 1.0 + 1e-3, 1.25, 3.0];
+    for (duration, damping) in [0.00025, 0.001, 0.004, 0.02].into_iter().flat_map(|t| dampings.map(|zeta| (t, zeta))) {
+        let mut loops = common::parameters().loops;
+        loops.damping = Vector2::new(damping, 0.7);
+        let (omega, dead_time) = (loops.frequency(0).expect("of second order"), 0.0002);
+        let root = omega * (damping * damping - 1.0).max(0.0).sqrt();
+        let poles = [damping * omega - root, damping * omega + root, damping * omega];
+        let around = [1.0, 1.0 + 1e-12, 1.0 - 1e-8, 1.0 + 1e-4, 0.9];
+        for lag in poles.into_iter().flat_map(|pole| around.map(|factor| factor / pole)).chain([0.0, 0.0005, 0.02]) {
+            let lag = Vector2::new(lag, 0.02);
+            for dead_times in [Vector2::zeros(), Vector2::new(0.003, 0.003 + dead_time)] {
+                loops.dead_time = dead_times;
+                let step: Step<2, 2> = Discretization::Zoh.step(duration, &loops, &lag);
+                let found = model.advance(&step, &x, &r);
+                // Without a filter any will do: its estimate is not compared.
+                let some_lag = lag.map(|lag| if lag > 0.0 { lag } else { 0.01 });
+                let mut expected = with_dead_time(&model, &loops, &some_lag, duration, &x, &r);
+                if lag.x == 0.0 {
+                    expected.wrench.x = model.linear_wrench(&expected.joint_position).x;
+                }
+                let what = format!("{duration} s, damping {damping}, T_est = {lag}, dead times {dead_times}");
+                assert_row(&what, found.joint_position.as_slice(), expected.joint_position.as_slice());
+                assert_row(&what, found.joint_velocity.as_slice(), expected.joint_velocity.as_slice());
+                assert_row(&what, found.joint_acceleration.as_slice(), expected.joint_acceleration.as_slice());
+                assert_row(&what, found.wrench.as_slice(), expected.wrench.as_slice());
+                assert_eq!(found.earlier_reference, r);
+            }
         }
     }
 }

@@ -26,10 +26,9 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
         let q = x.joint_position - p.initial.joint_position;
         [q.x, q.y, x.joint_velocity.x, x.joint_velocity.y, x.wrench.x, x.wrench.y]
     };
-    let absolute = |x: [f64; STATE]| State::<2, 2> {
-        joint_position: p.initial.joint_position + Vector2::new(x[0], x[1]),
-        joint_velocity: Vector2::new(x[2], x[3]),
-        wrench: Vector2::new(x[4], x[5]),
+    let absolute = |x: [f64; STATE]| {
+        let position = p.initial.joint_position + Vector2::new(x[0], x[1]);
+        State::<2, 2>::moving(position, Vector2::new(x[2], x[3]), Vector2::new(x[4], x[5]))
     };
     let flat = |x: &State<2, 2>| -> [f64; STATE] {
         let (q, v, f) = (x.joint_position, x.joint_velocity, x.wrench);
@@ -88,11 +87,8 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
     }
 
     let (mut hessian, mut gradient) = (vec![vec![0.0; n]; n], vec![0.0; n]);
-    let set_point = relative(&State {
-        joint_position: p.set_point.joint_position,
-        joint_velocity: p.set_point.joint_velocity,
-        wrench: p.set_point.wrench,
-    });
+    let set_point =
+        relative(&State::moving(p.set_point.joint_position, p.set_point.joint_velocity, p.set_point.wrench));
     let mut q = [[0.0; STATE]; STATE];
     let (on_position, on_velocity, on_wrench) = problem.weights();
     for (row, column) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
@@ -153,7 +149,7 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
 /// Both solvers on the condensed problem; the inputs in the order of time and the multipliers of
 /// the first.
 fn condensed_solutions<const M: usize>(problem: &Problem<2, 2>, what: &str) -> ([Vec<f64>; 2], Vec<f64>) {
-    let rows = MpcRows::<2, 2, M>::new(&problem.model, &problem.horizon, &problem.prediction).expect("M inputs");
+    let rows = MpcRows::<2, 2, M, 1>::new(&problem.model, &problem.horizon, &problem.prediction).expect("M inputs");
     let mut workspace = workspace(&problem.horizon, problem.prediction.weights);
     let mut pieces = workspace.pieces(&rows).expect("within capacity");
     condense(&rows, &mut pieces);

@@ -91,7 +91,6 @@ impl Approach {
         let slowest_s = config.robot.velocity_time_constant_s.iter().copied().fold(0.0, f64::max);
         let contact_time_s = whole_cycles(APPROACH_LAGS * slowest_s);
         Scenario {
-            velocity_loop: None,
             name: "limits".to_owned(),
             ipc: config.ipc.clone(),
             robot: config.robot.clone(),

@@ -2,7 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use plant_sim::scenario::{Scenario, VelocityLoopSection};
+use admittance_host::robot_description::VelocityLoopDescription;
+use plant_sim::scenario::Scenario;
 use rand::{Rng, RngExt};
 use serde::Serialize;
 
@@ -133,9 +134,13 @@ impl World {
             let lags = &mut scenario.robot.velocity_time_constant_s;
             lags.iter_mut().zip(&self.time_constant_factor).for_each(|(lag, factor)| *lag *= factor);
         }
-        scenario.velocity_loop = Some(VelocityLoopSection {
-            damping: self.damping.clone().filter(|_| is_on(Cause::SecondOrder)),
-            report_lag_s: if is_on(Cause::ReportLag) { self.report_lag_s } else { 0.0 },
+        let told = scenario.robot.velocity_loop.take();
+        let (told_damping, dead_time_s, told_lag_s) =
+            told.map_or((None, None, 0.0), |told| (told.damping, told.dead_time_s, told.report_lag_s));
+        scenario.robot.velocity_loop = Some(VelocityLoopDescription {
+            damping: self.damping.clone().filter(|_| is_on(Cause::SecondOrder)).or(told_damping),
+            dead_time_s,
+            report_lag_s: if is_on(Cause::ReportLag) { self.report_lag_s } else { told_lag_s },
         });
         if is_on(Cause::WrenchLag) {
             scenario.wrench.time_constant_s.iter_mut().for_each(|lag| *lag *= self.wrench_lag_factor);

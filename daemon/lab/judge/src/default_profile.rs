@@ -15,7 +15,7 @@ use admittance_core::mpc::model::{Discretization, Model, State};
 use admittance_core::mpc::qp::QpOutcome;
 use admittance_core::output::MAX_STEPS;
 use admittance_core::robot::Interval;
-use admittance_core::robot::{Chain, ChainError, Joint, Pose, Posture, Singular, rotation_from_rpy};
+use admittance_core::robot::{Chain, ChainError, Joint, Pose, Posture, Singular, VelocityLoops, rotation_from_rpy};
 use admittance_core::surface::Surface;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -81,7 +81,7 @@ pub enum GenerationError {
 struct Approach<const N: usize> {
     chain: Chain<N>,
     start: SVector<f64, N>,
-    velocity_time_constant: SVector<f64, N>,
+    loops: VelocityLoops<N>,
     /// Outward normal of the surface.
     normal: Vector3<f64>,
     /// T_s in s.
@@ -108,7 +108,7 @@ pub fn planar(sampling_time: f64, seed: u64) -> Result<Sequence<2, 2>, Generatio
     generate(Approach {
         chain: Chain::new([joint(0.0), joint(1.0)], tool)?,
         start: SVector::from([1.3 + between(-0.1, 0.1), -1.4 + between(-0.1, 0.1)]),
-        velocity_time_constant: SVector::from([0.015, 0.010]),
+        loops: VelocityLoops::first_order(SVector::from([0.015, 0.010])),
         normal: Vector3::new(angle.sin(), angle.cos(), 0.0),
         sampling_time,
         speed: between(0.15, 0.25),
@@ -148,7 +148,7 @@ pub fn spatial<const M: usize>(seed: u64) -> Result<Sequence<6, M>, GenerationEr
     generate(Approach {
         chain: Chain::new(joints, tool)?,
         start: start.map(|q: f64| q + between(-0.1, 0.1)),
-        velocity_time_constant: SVector::from([0.015, 0.015, 0.012, 0.010, 0.010, 0.010]),
+        loops: VelocityLoops::first_order(SVector::from([0.015, 0.015, 0.012, 0.010, 0.010, 0.010])),
         normal,
         sampling_time: 0.001,
         speed: between(0.15, 0.25),
@@ -173,7 +173,7 @@ fn empty_sequence<const N: usize, const M: usize>(approach: &Approach<N>) -> Seq
             Discretization::Euler,
             &durations,
             inside,
-            &approach.velocity_time_constant,
+            &approach.loops,
             &SVector::repeat(WRENCH_TIME_CONSTANT),
         )
         // Early steps weigh more than their time: harder impacts for the solver.
@@ -223,7 +223,7 @@ fn approach_surface<const N: usize, const M: usize>(
     let mut runner = Runner::new(&sequence);
     let step = Discretization::Euler.step(
         approach.sampling_time,
-        &approach.velocity_time_constant,
+        &approach.loops,
         &SVector::<f64, N>::repeat(WRENCH_TIME_CONSTANT),
     );
     let normal = task_direction::<N>(&approach.normal);

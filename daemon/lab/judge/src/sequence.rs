@@ -37,7 +37,7 @@ pub struct Problem<const N: usize> {
     pub solution: Vec<f64>,
 }
 
-/// Consecutive problems with M inputs.
+/// Consecutive problems with M inputs, of joints with the speed loops (4).
 #[derive(Debug, Clone)]
 pub struct Sequence<const N: usize, const M: usize> {
     /// The horizon.
@@ -101,7 +101,7 @@ impl<const N: usize, const M: usize> Runner<N, M> {
     /// # Panics
     /// Never: the storage has the length that its users ask for.
     pub fn new(sequence: &Sequence<N, M>) -> Self {
-        let capacity = Capacity::new::<N, N>(sequence.horizon.steps().len());
+        let capacity = Capacity::new::<N, N>(sequence.horizon.steps().len(), sequence.horizon.carried());
         let storage = vec![0.0; capacity.storage_len()];
         let solver = SolverCapacity { variables: capacity.variables, rows: MAX_ROWS };
         Self {
@@ -126,11 +126,11 @@ impl<const N: usize, const M: usize> Runner<N, M> {
         sequence: &Sequence<N, M>,
         index: usize,
         start: Start,
-        look: impl FnOnce(QpOutcome, &MpcRows<'_, N, N, M>, &Qp<'_>, &Answer<'_>, &mut [f64]) -> T,
+        look: impl FnOnce(QpOutcome, &MpcRows<'_, N, N, M, 1>, &Qp<'_>, &Answer<'_>, &mut [f64]) -> T,
     ) -> T {
         let problem = &sequence.problems[index];
         let prediction = sequence.prediction(problem);
-        let rows = MpcRows::<N, N, M>::new(&problem.model, &sequence.horizon, &prediction).expect("M inputs");
+        let rows = MpcRows::<N, N, M, 1>::new(&problem.model, &sequence.horizon, &prediction).expect("M inputs");
         let mut pieces = self.workspace.pieces(&rows).expect("a problem of this sequence");
         condense(&rows, &mut pieces);
         match start {

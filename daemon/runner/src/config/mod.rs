@@ -132,6 +132,7 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
             format!("at most {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s with mpc.model_delay");
         errors.push(ConfigError::new("control.command_delay_s", delayed, accepted));
     }
+    check_velocity_loop(config, errors);
     // What the deadband hides must be released already: hysteresis and limits see the whole force.
     let releases = config.wrench.deadband.iter().flatten().zip(&config.contact.release_threshold);
     for (axis, (deadband, release)) in releases.enumerate().filter(|(_, (deadband, release))| deadband > release) {
@@ -140,5 +141,42 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     }
     if !config.contact.admittance_axes.contains(&true) {
         errors.push(ConfigError::new("contact.admittance_axes", "all false", "at least one true"));
+    }
+}
+
+/// What the model can have of the speed loops.
+fn check_velocity_loop(config: &Config, errors: &mut Vec<ConfigError>) {
+    let (Some(velocity_loop), mpc) = (&config.robot.velocity_loop, &config.mpc) else { return };
+    let key = |name: &str| format!("robot.velocity_loop.{name}");
+    let is_beyond = |values: &Option<Vec<f64>>| values.iter().flatten().any(|value| *value > 0.0);
+    let beyond = [
+        ("damping", is_beyond(&velocity_loop.damping)),
+        ("dead_time_s", is_beyond(&velocity_loop.dead_time_s)),
+        ("report_lag_s", velocity_loop.report_lag_s > 0.0),
+    ];
+    if let Some((name, _)) = beyond.into_iter().find(|(_, is_beyond)| *is_beyond) {
+        let mut wants = |what: &str| {
+            errors.push(ConfigError::new(key(name), "above 0", format!("0 throughout, or {what}")));
+        };
+        if mpc.discretization == DiscretizationName::Euler {
+            wants("mpc.discretization = \"zoh\": Euler's model has loops of first order alone");
+        } else if !mpc.model_delay {
+            wants("mpc.model_delay = true: dead times are delays of the model");
+        }
+    }
+    let dead_times = velocity_loop.dead_time_s.iter().flatten().copied();
+    let (least, most) = dead_times.fold((f64::INFINITY, 0.0), |(least, most), t| (t.min(least), t.max(most)));
+    let sampling_time = config.control.sampling_time_s;
+    let shortest = mpc.step_lengths_s.iter().flatten().copied().fold(sampling_time, f64::min);
+    if most - least > shortest {
+        let accepted = format!("values at most {shortest} s apart, the shortest step of the prediction");
+        errors.push(ConfigError::new(key("dead_time_s"), format!("{least} to {most}"), accepted));
+    }
+    let left = MAX_DELAY_CYCLES * sampling_time - config.control.command_delay_s;
+    if most > left {
+        let accepted = format!(
+            "at most {left} s: with control.command_delay_s {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s"
+        );
+        errors.push(ConfigError::new(key("dead_time_s"), most, accepted));
     }
 }

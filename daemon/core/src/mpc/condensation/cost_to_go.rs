@@ -4,8 +4,9 @@
 //! x_kᵀ Q x_k, x_k = Φ(k, i) x. So the row of H that belongs to r is λᵀ y, with the costate λ = Σ_k
 //! Φ(k, i)ᵀ Q x_k, and y what earlier references have moved at the same instant. Joints and wrench
 //! filters are diagonal: with their responses in tables, summed over the later steps, λ takes one
-//! N×N matrix for q and one for q̇, and the row a few products for each earlier step, however many
-//! steps are still to come.
+//! N×N matrix for q and one for each number c that joints carry beside it (q̇; see
+//! [`Step`](crate::mpc::model::Step)), and the row a few products for each earlier step, however
+//! many steps are still to come.
 
 use wide::f64x4;
 
@@ -23,57 +24,65 @@ type Group = [f64; LANES];
 /// joint that had a reference of 1 rad/s during it, m any joint, and the sums are over the ends of
 /// steps from i on, each times its share.
 #[derive(Debug)]
-pub(super) struct CostToGo<'a, const N: usize, const D: usize> {
+pub(super) struct CostToGo<'a, const N: usize, const D: usize, const C: usize> {
     /// Σ of q_n, by n: a joint that stands off by 1 rad at the end of i goes on standing there.
     position: &'a mut [[f64; N]],
-    /// Σ of q_n times q_m after q̇_m = 1 rad/s at the end of i: by n, m.
-    position_by_velocity: &'a mut [[[f64; N]; N]],
-    /// Σ of q̇_n times q̇_m after q̇_m = 1 rad/s: by n, m.
-    velocity_by_velocity: &'a mut [[[f64; N]; N]],
+    /// Σ of q_n times q_m after c_m = 1 at the end of i: by c, n, m.
+    position_by_carried: &'a mut [[[[f64; N]; N]; C]],
+    /// Σ of q̇_n times q̇_m after c_m = 1: by c, n, m.
+    velocity_by_carried: &'a mut [[[[f64; N]; N]; C]],
     /// With q filtered as the wrench estimate of an axis, Σ of q_n times the estimate after it was
     /// off by 1: by axis, n.
     wrench: &'a mut [[[f64; N]; D]],
     /// Σ of filtered q_n times the filtered q of a joint that stands off by 1 rad: by axis, n.
     wrench_by_position: &'a mut [[[f64; N]; D]],
-    /// Σ of filtered q_n times filtered q_m after q̇_m = 1 rad/s: by axis, n, m.
-    wrench_by_velocity: &'a mut [[[[f64; N]; N]; D]],
+    /// Σ of filtered q_n times filtered q_m after c_m = 1: by c, axis, n, m.
+    wrench_by_carried: &'a mut [[[[[f64; N]; N]; D]; C]],
     /// At the end of i, q after a reference of 1 rad/s during the step of each column: groups of
     /// columns, of each group one joint after the other. Columns are steps in reversed order.
     positions: &'a mut [[Group; N]],
-    /// The same of q̇.
-    velocities: &'a mut [[Group; N]],
+    /// The same of c, by c.
+    carried: &'a mut [[[Group; N]; C]],
     /// The same of filtered q, by axis.
     estimates: &'a mut [[[Group; N]; D]],
 }
 
-/// Numbers in all tables.
-pub(super) const fn table_len<const N: usize, const D: usize>(steps: usize) -> usize {
-    let sums = N + 2 * N * N + 2 * D * N + D * N * N;
-    (sums + (2 + D) * N * padded(steps)) * steps
+/// Numbers in all tables, of joints that carry so many.
+pub(super) const fn table_len<const N: usize, const D: usize>(steps: usize, carried: usize) -> usize {
+    let sums = N + 2 * carried * N * N + 2 * D * N + carried * D * N * N;
+    (sums + (1 + carried + D) * N * padded(steps)) * steps
 }
 
-impl<'a, const N: usize, const D: usize> CostToGo<'a, N, D> {
+impl<'a, const N: usize, const D: usize, const C: usize> CostToGo<'a, N, D, C> {
     /// The tables within `storage`, which is at least [`table_len`] long.
     pub(super) fn within(storage: &'a mut [f64], steps: usize) -> Self {
         let (square, width) = (N * N, N * padded(steps));
         let (position, rest) = storage.split_at_mut(N * steps);
-        let (position_by_velocity, rest) = rest.split_at_mut(square * steps);
-        let (velocity_by_velocity, rest) = rest.split_at_mut(square * steps);
+        let (position_by_carried, rest) = rest.split_at_mut(C * square * steps);
+        let (velocity_by_carried, rest) = rest.split_at_mut(C * square * steps);
         let (wrench, rest) = rest.split_at_mut(D * N * steps);
         let (wrench_by_position, rest) = rest.split_at_mut(D * N * steps);
-        let (wrench_by_velocity, rest) = rest.split_at_mut(D * square * steps);
+        let (wrench_by_carried, rest) = rest.split_at_mut(C * D * square * steps);
         let (positions, rest) = rest.split_at_mut(width * steps);
-        let (velocities, rest) = rest.split_at_mut(width * steps);
+        let (carried, rest) = rest.split_at_mut(C * width * steps);
         let estimates = &mut rest[..D * width * steps];
         Self {
             position: position.as_chunks_mut().0,
-            position_by_velocity: position_by_velocity.as_chunks_mut().0.as_chunks_mut().0,
-            velocity_by_velocity: velocity_by_velocity.as_chunks_mut().0.as_chunks_mut().0,
+            position_by_carried: position_by_carried.as_chunks_mut().0.as_chunks_mut().0.as_chunks_mut().0,
+            velocity_by_carried: velocity_by_carried.as_chunks_mut().0.as_chunks_mut().0.as_chunks_mut().0,
             wrench: wrench.as_chunks_mut().0.as_chunks_mut().0,
             wrench_by_position: wrench_by_position.as_chunks_mut().0.as_chunks_mut().0,
-            wrench_by_velocity: wrench_by_velocity.as_chunks_mut().0.as_chunks_mut().0.as_chunks_mut().0,
+            wrench_by_carried: wrench_by_carried
+                .as_chunks_mut()
+                .0
+                .as_chunks_mut()
+                .0
+                .as_chunks_mut()
+                .0
+                .as_chunks_mut()
+                .0,
             positions: positions.as_chunks_mut().0.as_chunks_mut().0,
-            velocities: velocities.as_chunks_mut().0.as_chunks_mut().0,
+            carried: carried.as_chunks_mut().0.as_chunks_mut().0.as_chunks_mut().0,
             estimates: estimates.as_chunks_mut().0.as_chunks_mut().0.as_chunks_mut().0,
         }
     }
@@ -83,29 +92,37 @@ impl<'a, const N: usize, const D: usize> CostToGo<'a, N, D> {
         let h = horizon.steps().len();
         let groups = h.div_ceil(LANES);
         for (n, i) in (0..N).flat_map(|n| (0..h).map(move |i| (n, i))) {
-            let (column, mut moved) = (h - 1 - i, [Response { velocity: 1.0, ..Response::NONE }; N]);
+            let column = h - 1 - i;
+            let one = |c: usize| core::array::from_fn(|carried| if carried == c { 1.0 } else { 0.0 });
+            let mut moved: [[Response<D>; N]; C] =
+                core::array::from_fn(|c| [Response { carried: one(c), ..Response::NONE }; N]);
             let mut standing = Response { position: 1.0, ..Response::NONE };
             let mut off = Response { filtered: [1.0; D], ..Response::NONE };
             for (k, own) in Response::to_reference(horizon, n, i) {
                 let (group, lane) = (k * groups + column / LANES, column % LANES);
                 self.positions[group][n][lane] = own.position;
-                self.velocities[group][n][lane] = own.velocity;
+                for (carried, value) in self.carried[group].iter_mut().zip(own.carried) {
+                    carried[n][lane] = value;
+                }
                 for (estimates, filtered) in self.estimates[group].iter_mut().zip(own.filtered) {
                     estimates[n][lane] = filtered;
                 }
                 if k > i {
                     let step = &horizon.steps()[k];
-                    moved.iter_mut().enumerate().for_each(|(m, moved)| moved.advance(step, m, 0.0));
+                    for moved in &mut moved {
+                        moved.iter_mut().enumerate().for_each(|(m, moved)| moved.advance(step, m, 0.0));
+                    }
                     standing.advance(step, n, 0.0);
                     off.advance(step, n, 0.0);
                 }
                 let share = horizon.share(k);
                 self.position[i][n] += share * own.position;
-                for (m, moved) in moved.iter().enumerate() {
-                    self.position_by_velocity[i][n][m] += share * own.position * moved.position;
-                    self.velocity_by_velocity[i][n][m] += share * own.velocity * moved.velocity;
+                for (c, m) in (0..C).flat_map(|c| (0..N).map(move |m| (c, m))) {
+                    let moved = &moved[c][m];
+                    self.position_by_carried[i][c][n][m] += share * own.position * moved.position;
+                    self.velocity_by_carried[i][c][n][m] += share * own.carried[0] * moved.carried[0];
                     for axis in 0..D {
-                        self.wrench_by_velocity[i][axis][n][m] += share * own.filtered[axis] * moved.filtered[axis];
+                        self.wrench_by_carried[i][c][axis][n][m] += share * own.filtered[axis] * moved.filtered[axis];
                     }
                 }
                 for axis in 0..D {
@@ -134,9 +151,9 @@ fn combined<const N: usize>(x: &[f64; N], matrix: &[SimdVector<N>; N]) -> SimdVe
 /// the inputs, may be anything.
 // Kept out of its callers: inlined together they would run out of registers.
 #[inline(never)]
-pub(super) fn write<const N: usize, const D: usize, const M: usize>(
-    tables: &CostToGo<'_, N, D>,
-    rows: &MpcRows<'_, N, D, M>,
+pub(super) fn write<const N: usize, const D: usize, const M: usize, const C: usize>(
+    tables: &CostToGo<'_, N, D, C>,
+    rows: &MpcRows<'_, N, D, M, C>,
     hessian: &mut [f64],
     stride: usize,
 ) {
@@ -161,16 +178,21 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
         })
     });
     for i in 0..h {
-        // λ of q and q̇, for a reference of 1 rad/s of each joint.
+        // λ of q and of each c, for a reference of 1 rad/s of each joint.
         let mut position = [SimdVector::<N>::ZERO; N];
-        let mut velocity: [SimdVector<N>; N] = core::array::from_fn(|n| {
-            SimdVector::new(&on_velocity[n]).times(SimdVector::new(&tables.velocity_by_velocity[i][n]))
+        let mut carried: [[SimdVector<N>; N]; C] = core::array::from_fn(|c| {
+            core::array::from_fn(|n| {
+                SimdVector::new(&on_velocity[n]).times(SimdVector::new(&tables.velocity_by_carried[i][c][n]))
+            })
         });
         if has_position {
             for n in 0..N {
                 let weight = SimdVector::new(&on_position[n]);
                 position[n] = weight.times(SimdVector::splat(tables.position[i][n]));
-                velocity[n] = weight.times_plus(SimdVector::new(&tables.position_by_velocity[i][n]), velocity[n]);
+                for c in 0..C {
+                    let by_carried = SimdVector::new(&tables.position_by_carried[i][c][n]);
+                    carried[c][n] = weight.times_plus(by_carried, carried[c][n]);
+                }
             }
         }
         for &axis in axes {
@@ -179,16 +201,19 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
             for n in 0..N {
                 let by_position = SimdVector::splat(weighted[n] * tables.wrench_by_position[i][axis][n]);
                 position[n] = gradient.times_plus(by_position, position[n]);
-                let by_velocity =
-                    SimdVector::new(&tables.wrench_by_velocity[i][axis][n]).times(SimdVector::splat(weighted[n]));
-                velocity[n] = gradient.times_plus(by_velocity, velocity[n]);
+                for c in 0..C {
+                    let by_carried = SimdVector::new(&tables.wrench_by_carried[i][c][axis][n]);
+                    let by_carried = by_carried.times(SimdVector::splat(weighted[n]));
+                    carried[c][n] = gradient.times_plus(by_carried, carried[c][n]);
+                }
             }
         }
         let reversed = h - 1 - i;
         let (first, from) = (reversed / LANES, i * groups);
         for a in 0..M {
             let input = &rows.inputs.columns[a];
-            let (by_position, by_velocity) = (combined(input, &position).array(), combined(input, &velocity).array());
+            let by_position = combined(input, &position).array();
+            let by_carried: [[f64; N]; C] = core::array::from_fn(|c| combined(input, &carried[c]).array());
             // λ of f̂, as what it makes of the filtered q of each joint.
             let mut by_estimate = [[0.0; N]; M];
             for (by_estimate, &axis) in by_estimate.iter_mut().zip(axes) {
@@ -200,10 +225,13 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
             let row = &mut hessian[index * stride..(index + 1) * stride];
             let places = row.as_chunks_mut::<LANES>().0[first * M..].chunks_mut(M);
             for (group, places) in (first..groups).zip(places) {
-                let (positions, velocities) = (&tables.positions[from + group], &tables.velocities[from + group]);
+                let (positions, moving) = (&tables.positions[from + group], &tables.carried[from + group]);
                 let mut sums: [f64x4; N] = core::array::from_fn(|n| {
-                    let moving = f64x4::new(velocities[n]) * f64x4::splat(by_velocity[n]);
-                    f64x4::new(positions[n]).mul_add(f64x4::splat(by_position[n]), moving)
+                    let mut sum = f64x4::new(moving[0][n]) * f64x4::splat(by_carried[0][n]);
+                    for c in 1..C {
+                        sum = f64x4::new(moving[c][n]).mul_add(f64x4::splat(by_carried[c][n]), sum);
+                    }
+                    f64x4::new(positions[n]).mul_add(f64x4::splat(by_position[n]), sum)
                 });
                 for (by_estimate, &axis) in by_estimate.iter().zip(axes) {
                     let estimates = &tables.estimates[from + group][axis];

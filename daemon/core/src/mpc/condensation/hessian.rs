@@ -17,11 +17,12 @@ use super::rows::MpcRows;
 use super::simd::{SimdMatrix, SimdVector, array};
 use crate::mpc::cost::Weights;
 use crate::mpc::horizon::Horizon;
+use crate::mpc::model::CARRIED;
 use crate::mpc::qp::{CACHE_LINE, LANES, padded};
 
-/// Length of the tables.
-pub(super) const fn table_len<const N: usize, const D: usize>(steps: usize) -> usize {
-    let (even, uneven) = (responses::table_len::<N, D>(steps), cost_to_go::table_len::<N, D>(steps));
+/// Length of the tables, for joints that carry so many numbers.
+pub(super) const fn table_len<const N: usize, const D: usize>(steps: usize, carried: usize) -> usize {
+    let (even, uneven) = (responses::table_len::<N, D>(steps), cost_to_go::table_len::<N, D>(steps, carried));
     if even > uneven { even } else { uneven }
 }
 
@@ -35,7 +36,12 @@ pub(super) fn fill<const N: usize, const D: usize>(
     if horizon.is_even() {
         responses::fill(tables, horizon, weights);
     } else {
-        CostToGo::within(tables, horizon.steps().len()).fill(horizon);
+        let steps = horizon.steps().len();
+        if horizon.carried() == 1 {
+            CostToGo::<N, D, 1>::within(tables, steps).fill(horizon);
+        } else {
+            CostToGo::<N, D, CARRIED>::within(tables, steps).fill(horizon);
+        }
     }
 }
 
@@ -64,7 +70,11 @@ struct Triangle<'a, const M: usize> {
 impl<'a, const M: usize> Triangle<'a, M> {
     /// Before the first term: R in the margin, from where it moves down the diagonal.
     #[inline(always)]
-    fn new<const N: usize, const D: usize>(rows: &MpcRows<'_, N, D, M>, values: &'a mut [f64], stride: usize) -> Self {
+    fn new<const N: usize, const D: usize, const C: usize>(
+        rows: &MpcRows<'_, N, D, M, C>,
+        values: &'a mut [f64],
+        stride: usize,
+    ) -> Self {
         let (prediction, steps) = (rows.prediction, rows.horizon.steps().len());
         let (n, margin) = (M * steps, margin_len(M, stride));
         let first = margin - M * (stride + 1);
@@ -94,7 +104,7 @@ struct Spread<const N: usize, const K: usize, const M: usize>([SimdMatrix<M, N>;
 impl<const N: usize, const K: usize, const M: usize> Spread<N, K, M> {
     /// For outputs with the given gradients over the joints.
     #[inline(always)]
-    fn new<const D: usize>(rows: &MpcRows<'_, N, D, M>, gradients: [[f64; N]; K]) -> Self {
+    fn new<const D: usize, const C: usize>(rows: &MpcRows<'_, N, D, M, C>, gradients: [[f64; N]; K]) -> Self {
         Self(
             gradients
                 .map(|gradient| SimdMatrix::of_rows(rows.inputs.columns.map(|column| product(&gradient, &column)))),
@@ -135,8 +145,8 @@ struct WrenchOutputs<'a, const M: usize> {
 
 impl<'a, const M: usize> WrenchOutputs<'a, M> {
     #[inline(always)]
-    fn new<const N: usize, const D: usize>(
-        rows: &MpcRows<'_, N, D, M>,
+    fn new<const N: usize, const D: usize, const C: usize>(
+        rows: &MpcRows<'_, N, D, M, C>,
         responses: &Responses<'_, N, D>,
         estimates: &'a mut [[Group; M]],
     ) -> Self {
@@ -161,7 +171,9 @@ impl<'a, const M: usize> WrenchOutputs<'a, M> {
 
 /// V over the columns of four steps: M groups of columns, the joints of a group together.
 #[inline(always)]
-fn over_columns<const N: usize, const D: usize, const M: usize>(rows: &MpcRows<'_, N, D, M>) -> [[Group; N]; M] {
+fn over_columns<const N: usize, const D: usize, const M: usize, const C: usize>(
+    rows: &MpcRows<'_, N, D, M, C>,
+) -> [[Group; N]; M] {
     core::array::from_fn(|group| {
         core::array::from_fn(|joint| {
             core::array::from_fn(|lane| rows.inputs.columns[(group * LANES + lane) % M][joint])
@@ -192,9 +204,9 @@ fn write_joints<const N: usize, const M: usize>(
 
 /// Writes the upper triangle. `tables` are those that [`fill`] has written, `hessian` begins with
 /// its margin.
-pub(super) fn write<const N: usize, const D: usize, const M: usize>(
+pub(super) fn write<const N: usize, const D: usize, const M: usize, const C: usize>(
     tables: &mut [f64],
-    rows: &MpcRows<'_, N, D, M>,
+    rows: &MpcRows<'_, N, D, M, C>,
     hessian: &mut [f64],
     stride: usize,
     scratch: &mut [f64],
@@ -203,7 +215,7 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
     if rows.horizon.is_even() {
         write_even(&Responses::of(tables, steps), rows, hessian, stride, scratch);
     } else {
-        cost_to_go::write(&CostToGo::within(tables, steps), rows, &mut hessian[margin..], stride);
+        cost_to_go::write(&CostToGo::<N, D, C>::within(tables, steps), rows, &mut hessian[margin..], stride);
     }
     if let Some(slack) = &rows.prediction.slack {
         let (n, hessian) = (M * steps, &mut hessian[margin..]);
@@ -215,9 +227,9 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize>(
 /// Writes it over even steps.
 // Kept out of its callers: inlined together they would run out of registers.
 #[inline(never)]
-fn write_even<const N: usize, const D: usize, const M: usize>(
+fn write_even<const N: usize, const D: usize, const M: usize, const C: usize>(
     responses: &Responses<'_, N, D>,
-    rows: &MpcRows<'_, N, D, M>,
+    rows: &MpcRows<'_, N, D, M, C>,
     hessian: &mut [f64],
     stride: usize,
     scratch: &mut [f64],

@@ -127,15 +127,15 @@ pub struct Capacity {
 }
 
 impl Capacity {
-    /// For N joints, D axes and H steps with every axis as input.
-    pub fn new<const N: usize, const D: usize>(steps: usize) -> Self {
+    /// For N joints that carry so many numbers, D axes and H steps with every axis as input.
+    pub fn new<const N: usize, const D: usize>(steps: usize, carried: usize) -> Self {
         let variables = D * steps + 1;
         let panels = hessian::panels_len::<N, D>(steps);
         let checks = 3 * padded(variables) + MAX_ROWS;
-        let trajectory = trajectory::trajectory_len::<N, D>(steps);
+        let trajectory = trajectory::trajectory_len::<N, D>(steps, carried);
         Self {
             variables,
-            tables: hessian::table_len::<N, D>(steps),
+            tables: hessian::table_len::<N, D>(steps, carried),
             margin: hessian::margin_len(D, padded(variables)),
             scratch: panels.max(checks).max(trajectory),
         }
@@ -186,7 +186,7 @@ impl<B: AsMut<[f64]>> Workspace<B> {
         weights: &Weights<N, D>,
         mut storage: B,
     ) -> Option<Self> {
-        let capacity = Capacity::new::<N, D>(horizon.steps().len());
+        let capacity = Capacity::new::<N, D>(horizon.steps().len(), horizon.carried());
         if storage.as_mut().len() < capacity.storage_len() {
             return None;
         }
@@ -197,9 +197,9 @@ impl<B: AsMut<[f64]>> Workspace<B> {
 
     /// The pieces for a problem of the size of `rows`; `None` when that is larger than the
     /// capacity.
-    pub fn pieces<const N: usize, const D: usize, const M: usize>(
+    pub fn pieces<const N: usize, const D: usize, const M: usize, const C: usize>(
         &mut self,
-        rows: &MpcRows<'_, N, D, M>,
+        rows: &MpcRows<'_, N, D, M, C>,
     ) -> Option<Pieces<'_>> {
         let (variables, count) = (rows.variables(), rows.layout.rows());
         if variables > self.capacity.variables || count > MAX_ROWS {
@@ -245,7 +245,10 @@ impl Pieces<'_> {
 /// The cost is half of (18a) without its constant. About n² (N + m) / 2 multiplications over even
 /// steps and joint weights, n² 3 m / 2 with task weights; over uneven steps n H N (2 + m) / 2 + n²
 /// N / 2.
-pub fn condense<const N: usize, const D: usize, const M: usize>(rows: &MpcRows<'_, N, D, M>, pieces: &mut Pieces<'_>) {
+pub fn condense<const N: usize, const D: usize, const M: usize, const C: usize>(
+    rows: &MpcRows<'_, N, D, M, C>,
+    pieces: &mut Pieces<'_>,
+) {
     let steps = rows.horizon.steps().len();
     let mut free = trajectory::FreeTrajectory::within(pieces.scratch, steps);
     trajectory::write_gradient(rows, pieces.gradient, &mut free);

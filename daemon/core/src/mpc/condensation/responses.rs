@@ -4,7 +4,7 @@
 
 use crate::mpc::cost::Weights;
 use crate::mpc::horizon::Horizon;
-use crate::mpc::model::Step;
+use crate::mpc::model::{CARRIED, Step};
 use crate::mpc::qp::{LANES, padded};
 
 /// Views of the tables. Columns are steps in reversed order: column s belongs to the input of step
@@ -68,28 +68,31 @@ impl<'a, const N: usize, const D: usize> Responses<'a, N, D> {
     }
 }
 
-/// What a joint and the wrench filters have done: q, q̇, and q filtered as the wrench estimate of
-/// each axis is.
+/// What a joint and the wrench filters have done: q, what the joint carries, and q filtered as the
+/// wrench estimate of each axis is.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Response<const D: usize> {
     pub(super) position: f64,
-    pub(super) velocity: f64,
+    pub(super) carried: [f64; CARRIED],
     pub(super) filtered: [f64; D],
 }
 
 impl<const D: usize> Response<D> {
-    pub(super) const NONE: Self = Self { position: 0.0, velocity: 0.0, filtered: [0.0; D] };
+    pub(super) const NONE: Self = Self { position: 0.0, carried: [0.0; CARRIED], filtered: [0.0; D] };
 
     /// After one step of joint `joint` under the reference `r`.
     pub(super) fn advance<const N: usize>(&mut self, step: &Step<N, D>, joint: usize, r: f64) {
-        let (q, v) = (self.position, self.velocity);
+        let (q, before) = (self.position, self.carried);
+        let moved = |by: &dyn Fn(usize) -> f64| -> f64 { (0..CARRIED).map(|from| by(from) * before[from]).sum() };
         for (axis, f) in self.filtered.iter_mut().enumerate() {
             let e = step.wrench_decay[axis];
-            let (by_velocity, by_reference) = (&step.wrench_by_velocity, &step.wrench_by_reference);
-            *f = e * *f + (1.0 - e) * q + by_velocity[(joint, axis)] * v + by_reference[(joint, axis)] * r;
+            let moved = moved(&|from| step.wrench_by[from][(joint, axis)]);
+            *f = e * *f + (1.0 - e) * q + moved + step.wrench_by_reference[(joint, axis)] * r;
         }
-        self.position = q + step.position_by_velocity[joint] * v + step.position_by_reference[joint] * r;
-        self.velocity = step.velocity_decay[joint] * v + step.velocity_by_reference[joint] * r;
+        self.position = q + moved(&|from| step.position_by[from][joint]) + step.position_by_reference[joint] * r;
+        for (to, carried) in self.carried.iter_mut().enumerate() {
+            *carried = moved(&|from| step.carried_by[to][from][joint]) + step.carried_by_reference[to][joint] * r;
+        }
     }
 
     /// At the end of each step from `first` on, after a reference of 1 rad/s during `first`.
@@ -122,7 +125,7 @@ pub(super) fn fill<const N: usize, const D: usize>(
         // The response at the end of the horizon to a reference during the step `column` steps
         // before the last.
         for (column, response) in Response::to_reference(horizon, joint, 0) {
-            (position[column * N + joint], velocity[column * N + joint]) = (response.position, response.velocity);
+            (position[column * N + joint], velocity[column * N + joint]) = (response.position, response.carried[0]);
             for (by_joint, filtered) in wrench[column].iter_mut().zip(response.filtered) {
                 by_joint[joint] = filtered;
             }

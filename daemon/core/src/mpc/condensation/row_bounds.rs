@@ -83,14 +83,14 @@ impl<const K: usize> Weighted<K> {
     }
 }
 
-impl<const N: usize, const D: usize, const M: usize> MpcRows<'_, N, D, M> {
+impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_, N, D, M, C> {
     /// The bounds of every row, relative to what happens without inputs, and the rows' weights;
     /// unbounded beyond the rows.
     // Kept out of its callers: inlined together they would run out of registers.
     #[inline(never)]
     pub(super) fn write_bounds(
         &self,
-        free: &FreeTrajectory<'_, N, M>,
+        free: &FreeTrajectory<'_, N, M, C>,
         lower: &mut [f64],
         upper: &mut [f64],
         weight: &mut [f64],
@@ -134,8 +134,8 @@ impl<const N: usize, const D: usize, const M: usize> MpcRows<'_, N, D, M> {
         }
         if let Some(interval) = &c.rest_position {
             let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
-            let lag = self.horizon.velocity_time_constant();
-            let ends = (1..=steps.len()).map(|step| free.joints_at(step).rest_position(lag));
+            let until_rest = self.horizon.until_rest();
+            let ends = (1..=steps.len()).map(|step| free.joints_at(step).rest_position(until_rest));
             bounds.put(self.rows(RowKind::RestPosition), N, ends.map(|rest| (rest, interval)));
         }
         let (mut minimum, mut maximum, mut offset) = ([0.0; M], [0.0; M], [0.0; M]);
@@ -149,7 +149,7 @@ impl<const N: usize, const D: usize, const M: usize> MpcRows<'_, N, D, M> {
         }
         let (interval, offset) = (Weighted::new(&minimum, &maximum), SimdVector::new(&offset));
         let forces = self.horizon.force_points().iter().map(|point| {
-            let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
+            let (a, b) = (&point.position_by, &point.position_by_reference);
             let reference = SimdVector::of(&p.known_reference[point.step]);
             let force = self.gradients.times(free.joints_at(point.step).position_after(a, b, reference));
             force.plus(offset)

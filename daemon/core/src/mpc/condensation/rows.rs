@@ -11,9 +11,9 @@ use crate::mpc::horizon::Horizon;
 use crate::mpc::model::Model;
 use crate::mpc::qp::{LANES, Rows};
 
-/// The rows of one cycle's problem with M inputs a step.
+/// The rows of one cycle's problem with M inputs a step, of joints that carry C numbers.
 #[derive(Debug)]
-pub struct MpcRows<'a, const N: usize, const D: usize, const M: usize> {
+pub struct MpcRows<'a, const N: usize, const D: usize, const M: usize, const C: usize> {
     pub(super) model: &'a Model<N, D>,
     pub(super) horizon: &'a Horizon<N, D>,
     pub(super) prediction: &'a Prediction<'a, N, D>,
@@ -29,9 +29,9 @@ pub struct MpcRows<'a, const N: usize, const D: usize, const M: usize> {
     normal: SimdVector<M>,
 }
 
-impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
-    /// The rows of this prediction; `None` when it does not have M inputs, or more axes with
-    /// bounded force or wrench state than inputs.
+impl<'a, const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'a, N, D, M, C> {
+    /// The rows of this prediction; `None` when it does not have M inputs, more axes with bounded
+    /// force or wrench state than inputs, or joints that carry another number of numbers than C.
     pub fn new(
         model: &'a Model<N, D>,
         horizon: &'a Horizon<N, D>,
@@ -39,7 +39,8 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
     ) -> Option<Self> {
         let inputs = prediction.inputs.as_slice();
         let bounds = prediction.constraints.force.as_slice();
-        if inputs.len() != M || bounds.len() > M || prediction.wrench_axes.as_slice().len() > M {
+        let is_of_size = inputs.len() == M && horizon.carried() == C;
+        if !is_of_size || bounds.len() > M || prediction.wrench_axes.as_slice().len() > M {
             return None;
         }
         let columns: [[f64; N]; M] = core::array::from_fn(|a| model.jacobian_inverse.data.0[inputs[a]]);
@@ -131,7 +132,7 @@ impl<'a, const N: usize, const D: usize, const M: usize> MpcRows<'a, N, D, M> {
     /// Adds to the earlier inputs the effect of a sensitivity of the joints at the start of step
     /// `step`.
     #[inline(always)]
-    fn sweep(&self, mut costate: Joints<N>, step: usize, to: &mut [f64]) {
+    fn sweep(&self, mut costate: Joints<N, C>, step: usize, to: &mut [f64]) {
         let h = self.horizon.steps().len();
         let places = to[(h - step) * M..h * M].as_chunks_mut::<M>().0;
         // Variables stand in reversed time order: backward in time is forward among them.
@@ -153,7 +154,7 @@ fn section<const K: usize>(values: &[f64], first: usize) -> SimdVector<K> {
     values[first..].first_chunk().map_or(SimdVector::ZERO, SimdVector::new)
 }
 
-impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, M> {
+impl<const N: usize, const D: usize, const M: usize, const C: usize> Rows for MpcRows<'_, N, D, M, C> {
     fn values(&self, z: &[f64], out: &mut [f64]) {
         // Sections follow one another in the order of their kinds.
         let (speed, others) = out.split_at_mut(self.rows(RowKind::JointSpeed).len());
@@ -181,8 +182,8 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
         let mut force = force.chunks_exact_mut(self.bounded.max(1));
         let mut minimum = minimum.chunks_exact_mut(self.bounded.max(1));
         let off_maximum = self.off_maximum(z);
-        let (mut points, lag) = (self.horizon.force_points(), self.horizon.velocity_time_constant());
-        let mut joints = Joints::<N>::ZERO;
+        let (mut points, until_rest) = (self.horizon.force_points(), self.horizon.until_rest());
+        let mut joints = Joints::<N, C>::ZERO;
         for ((k, step), u) in steps.iter().enumerate().zip(inputs.iter().rev()) {
             let reference = self.inputs.times(SimdVector::new(u));
             if let Some(speed) = speed.next() {
@@ -192,7 +193,7 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                 && point.step == k
                 && let Some(force) = force.next()
             {
-                let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
+                let (a, b) = (&point.position_by, &point.position_by_reference);
                 let pressing = self.gradients.times(joints.position_after(a, b, reference));
                 store(force, &pressing.minus(SimdVector::splat(off_maximum)).array());
                 if let Some(minimum) = minimum.next() {
@@ -202,7 +203,7 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
             }
             joints.advance(step, reference);
             if let Some(rest) = rest.next() {
-                *rest = joints.rest_position(lag).array();
+                *rest = joints.rest_position(until_rest).array();
             }
         }
         if self.prediction.slack.is_some() {
@@ -248,17 +249,13 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
             RowKind::RestPosition => {
                 let mut joint = [0.0; N];
                 joint[component] = 1.0;
-                self.sweep(
-                    Joints::resting(self.horizon.velocity_time_constant(), SimdVector::new(&joint)),
-                    instant + 1,
-                    out,
-                );
+                self.sweep(Joints::resting(self.horizon.until_rest(), SimdVector::new(&joint)), instant + 1, out);
             }
             RowKind::Force | RowKind::MinimumForce => {
                 let gradient = self.gradient_of(component);
                 let point = &self.horizon.force_points()[instant];
-                let (a, b) = (&point.position_by_velocity, &point.position_by_reference);
-                let mut costate = Joints::ZERO;
+                let (a, b) = (&point.position_by, &point.position_by_reference);
+                let mut costate = Joints::<N, C>::ZERO;
                 let at_once = costate.seed(a, b, gradient);
                 if delay == 0 {
                     self.add_to_inputs(point.step, at_once, out);
@@ -276,16 +273,18 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
     }
 
     fn add_transposed(&self, multipliers: &[f64], out: &mut [f64]) {
-        let mut costate = Joints::<N>::ZERO;
-        let (points, lag) = (self.horizon.force_points(), self.horizon.velocity_time_constant());
+        let mut costate = Joints::<N, C>::ZERO;
+        let (points, until_rest) = (self.horizon.force_points(), self.horizon.until_rest());
         let mut instant = if self.at(RowKind::Force, 0).is_some() { points.len() } else { 0 };
         let mut slack = 0.0;
         let off_maximum = if self.prediction.softened() == Some(Softened::Maximum) { SLACK_UNIT } else { 0.0 };
         for (k, step) in self.horizon.steps().iter().enumerate().rev() {
             if let Some(row) = self.at(RowKind::RestPosition, k) {
-                let resting = Joints::resting(lag, section(multipliers, row));
+                let resting = Joints::<N, C>::resting(until_rest, section(multipliers, row));
                 costate.position = costate.position.plus(resting.position);
-                costate.velocity = costate.velocity.plus(resting.velocity);
+                for (carried, resting) in costate.carried.iter_mut().zip(resting.carried) {
+                    *carried = carried.plus(resting);
+                }
             }
             let mut reference = costate.back(step);
             while instant > 0 && points[instant - 1].step == k {
@@ -299,7 +298,7 @@ impl<const N: usize, const D: usize, const M: usize> Rows for MpcRows<'_, N, D, 
                     slack += SLACK_UNIT * sum;
                 }
                 let point = &points[instant];
-                let at_once = costate.seed(&point.position_by_velocity, &point.position_by_reference, position);
+                let at_once = costate.seed(&point.position_by, &point.position_by_reference, position);
                 reference = reference.plus(at_once);
             }
             if let Some(row) = self.at(RowKind::JointSpeed, k) {

@@ -4,7 +4,7 @@
 use nalgebra::SVector;
 use wide::f64x4;
 
-use crate::mpc::model::Step;
+use crate::mpc::model::{CARRIED, Step};
 use crate::mpc::qp::LANES;
 
 /// Groups of numbers in a short vector.
@@ -153,64 +153,92 @@ fn product<const R: usize, const C: usize>(
     sum
 }
 
-/// q and q̇ at the start of a step, or their sensitivities on the way back.
+/// q, and the C numbers that joints carry beside it, at the start of a step; or the sensitivities to
+/// them on the way back.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Joints<const N: usize> {
+pub(super) struct Joints<const N: usize, const C: usize> {
     pub position: SimdVector<N>,
-    pub velocity: SimdVector<N>,
+    pub carried: [SimdVector<N>; C],
 }
 
-impl<const N: usize> Joints<N> {
-    pub(super) const ZERO: Self = Self { position: SimdVector::ZERO, velocity: SimdVector::ZERO };
+impl<const N: usize, const C: usize> Joints<N, C> {
+    pub(super) const ZERO: Self = Self { position: SimdVector::ZERO, carried: [SimdVector::ZERO; C] };
 
-    /// q after an interval: q + a q̇ + b r.
+    /// q after an interval: q + Σ a_c c + b r.
     #[inline(always)]
     pub(super) fn position_after(
         &self,
-        a: &SVector<f64, N>,
+        a: &[SVector<f64, N>; CARRIED],
         b: &SVector<f64, N>,
         reference: SimdVector<N>,
     ) -> SimdVector<N> {
-        let moved = self.velocity.times_plus(SimdVector::of(a), self.position);
-        reference.times_plus(SimdVector::of(b), moved)
+        reference.times_plus(SimdVector::of(b), self.moved(a))
+    }
+
+    /// q + Σ a_c c.
+    #[inline(always)]
+    fn moved(&self, a: &[SVector<f64, N>; CARRIED]) -> SimdVector<N> {
+        self.carried.iter().zip(a).fold(self.position, |sum, (carried, a)| carried.times_plus(SimdVector::of(a), sum))
     }
 
     /// One step forward under a joint velocity reference.
     #[inline(always)]
     pub(super) fn advance<const D: usize>(&mut self, step: &Step<N, D>, reference: SimdVector<N>) {
-        self.position = self.position_after(&step.position_by_velocity, &step.position_by_reference, reference);
-        let pushed = reference.times(SimdVector::of(&step.velocity_by_reference));
-        self.velocity = self.velocity.times_plus(SimdVector::of(&step.velocity_decay), pushed);
+        self.position = self.position_after(&step.position_by, &step.position_by_reference, reference);
+        let before = self.carried;
+        for to in 0..C {
+            let pushed = reference.times(SimdVector::of(&step.carried_by_reference[to]));
+            self.carried[to] = before
+                .iter()
+                .zip(&step.carried_by[to])
+                .fold(pushed, |sum, (carried, by)| carried.times_plus(SimdVector::of(by), sum));
+        }
     }
 
-    /// Where the joints would come to rest under zero reference: q + T_V q̇.
+    /// Where the joints would come to rest under zero reference.
     #[inline(always)]
-    pub(super) fn rest_position(&self, velocity_time_constant: &SVector<f64, N>) -> SimdVector<N> {
-        self.velocity.times_plus(SimdVector::of(velocity_time_constant), self.position)
+    pub(super) fn rest_position(&self, until_rest: &[SVector<f64, N>; CARRIED]) -> SimdVector<N> {
+        self.moved(until_rest)
     }
 
-    /// For sensitivities: those to q and q̇ of one to [`Self::rest_position`].
+    /// For sensitivities: those of one to [`Self::rest_position`].
     #[inline(always)]
-    pub(super) fn resting(velocity_time_constant: &SVector<f64, N>, position: SimdVector<N>) -> Self {
-        Self { position, velocity: position.times(SimdVector::of(velocity_time_constant)) }
+    pub(super) fn resting(until_rest: &[SVector<f64, N>; CARRIED], position: SimdVector<N>) -> Self {
+        Self { position, carried: core::array::from_fn(|c| position.times(SimdVector::of(&until_rest[c]))) }
     }
 
     /// For sensitivities: one step back. Returns the sensitivity to the reference during the step.
     #[inline(always)]
     pub(super) fn back<const D: usize>(&mut self, step: &Step<N, D>) -> SimdVector<N> {
-        let pushed = self.velocity.times(SimdVector::of(&step.velocity_by_reference));
-        let reference = self.position.times_plus(SimdVector::of(&step.position_by_reference), pushed);
-        let moved = self.position.times(SimdVector::of(&step.position_by_velocity));
-        self.velocity = self.velocity.times_plus(SimdVector::of(&step.velocity_decay), moved);
+        let pushed = self.carried[0].times(SimdVector::of(&step.carried_by_reference[0]));
+        let mut reference = self.position.times_plus(SimdVector::of(&step.position_by_reference), pushed);
+        for to in 1..C {
+            reference = self.carried[to].times_plus(SimdVector::of(&step.carried_by_reference[to]), reference);
+        }
+        let after = self.carried;
+        for from in 0..C {
+            let moved = self.position.times(SimdVector::of(&step.position_by[from]));
+            self.carried[from] = after
+                .iter()
+                .zip(&step.carried_by)
+                .fold(moved, |sum, (carried, by)| carried.times_plus(SimdVector::of(&by[from]), sum));
+        }
         reference
     }
 
     /// For sensitivities at the start of a step: adds those of q at a point within it. Returns the
     /// sensitivity to the reference.
     #[inline(always)]
-    pub(super) fn seed(&mut self, a: &SVector<f64, N>, b: &SVector<f64, N>, position: SimdVector<N>) -> SimdVector<N> {
+    pub(super) fn seed(
+        &mut self,
+        a: &[SVector<f64, N>; CARRIED],
+        b: &SVector<f64, N>,
+        position: SimdVector<N>,
+    ) -> SimdVector<N> {
         self.position = self.position.plus(position);
-        self.velocity = position.times_plus(SimdVector::of(a), self.velocity);
+        for (carried, a) in self.carried.iter_mut().zip(a) {
+            *carried = position.times_plus(SimdVector::of(a), *carried);
+        }
         position.times(SimdVector::of(b))
     }
 }

@@ -1,7 +1,7 @@
 //! g, the gradient of the cost (18a) at zero input: the free trajectory forward, one adjoint sweep
 //! backward.
 
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
 use super::SLACK_UNIT;
 use super::rows::MpcRows;
@@ -11,34 +11,45 @@ use crate::mpc::model::Step;
 
 /// What happens without inputs: joints at the start of every step and at the end of the last,
 /// wrench estimates at the end of every step.
-pub(super) struct FreeTrajectory<'a, const N: usize, const M: usize> {
-    joints: &'a mut [[[f64; N]; 2]],
+pub(super) struct FreeTrajectory<'a, const N: usize, const M: usize, const C: usize> {
+    position: &'a mut [[f64; N]],
+    carried: &'a mut [[[f64; N]; C]],
     /// By position among the wrench axes.
     wrench: &'a mut [[f64; M]],
 }
 
-#[inline(always)]
-fn joints_of<const N: usize>([position, velocity]: &[[f64; N]; 2]) -> Joints<N> {
-    Joints { position: SimdVector::new(position), velocity: SimdVector::new(velocity) }
+/// Length of a trajectory's storage, of joints that carry so many numbers.
+pub(super) const fn trajectory_len<const N: usize, const D: usize>(steps: usize, carried: usize) -> usize {
+    (1 + carried) * N * (steps + 1) + D * steps
 }
 
-/// Length of a trajectory's storage.
-pub(super) const fn trajectory_len<const N: usize, const D: usize>(steps: usize) -> usize {
-    2 * N * (steps + 1) + D * steps
-}
-
-impl<'a, const N: usize, const M: usize> FreeTrajectory<'a, N, M> {
+impl<'a, const N: usize, const M: usize, const C: usize> FreeTrajectory<'a, N, M, C> {
     /// Where [`write_gradient`] writes, at the start of `storage`.
     pub(super) fn within(storage: &'a mut [f64], steps: usize) -> Self {
-        let (joints, rest) = storage.split_at_mut(2 * N * (steps + 1));
+        let (position, rest) = storage.split_at_mut(N * (steps + 1));
+        let (carried, rest) = rest.split_at_mut(C * N * (steps + 1));
         let wrench = &mut rest[..M * steps];
-        Self { joints: joints.as_chunks_mut().0.as_chunks_mut().0, wrench: wrench.as_chunks_mut().0 }
+        Self {
+            position: position.as_chunks_mut().0,
+            carried: carried.as_chunks_mut().0.as_chunks_mut().0,
+            wrench: wrench.as_chunks_mut().0,
+        }
     }
 
     /// Joints at the start of step `step`, or at the end of the last.
     #[inline(always)]
-    pub(super) fn joints_at(&self, step: usize) -> Joints<N> {
-        joints_of(&self.joints[step])
+    pub(super) fn joints_at(&self, step: usize) -> Joints<N, C> {
+        let carried = &self.carried[step];
+        Joints {
+            position: SimdVector::new(&self.position[step]),
+            carried: core::array::from_fn(|c| SimdVector::new(&carried[c])),
+        }
+    }
+
+    #[inline(always)]
+    fn put(&mut self, step: usize, joints: &Joints<N, C>) {
+        self.position[step] = joints.position.array();
+        self.carried[step] = joints.carried.map(SimdVector::array);
     }
 }
 
@@ -54,7 +65,7 @@ struct Estimates<const N: usize, const M: usize> {
 
 impl<const N: usize, const M: usize> Estimates<N, M> {
     #[inline(always)]
-    fn new<const D: usize>(rows: &MpcRows<'_, N, D, M>) -> Self {
+    fn new<const D: usize, const C: usize>(rows: &MpcRows<'_, N, D, M, C>) -> Self {
         let (model, prediction) = (rows.model, rows.prediction);
         let (Weights::Joint { wrench, .. } | Weights::Task { wrench, .. }) = prediction.weights;
         let axes = prediction.wrench_axes.as_slice();
@@ -74,41 +85,46 @@ impl<const N: usize, const M: usize> Estimates<N, M> {
         self.gradients.times(position).plus(self.offset)
     }
 
-    /// K_e J (A q̇ + B r).
+    /// K_e J (Σ A_c c + B r).
     // Separate, because Euler steps do not need it.
     #[inline(never)]
-    fn followed_within<const D: usize>(
+    fn followed_within<const D: usize, const C: usize>(
         &self,
         axes: &[usize],
         step: &Step<N, D>,
-        velocity: SimdVector<N>,
+        joints: &Joints<N, C>,
         reference: SimdVector<N>,
     ) -> SimdVector<M> {
         let mut followed = [0.0; M];
         for ((followed, gradient), &axis) in followed.iter_mut().zip(&self.gradients.rows).zip(axes) {
-            let (by_velocity, by_reference) = within(step, axis);
-            let moved = velocity.times_plus(by_velocity, reference.times(by_reference));
+            let moved = reference.times(column(&step.wrench_by_reference, axis));
+            let moved = joints
+                .carried
+                .iter()
+                .zip(&step.wrench_by)
+                .fold(moved, |sum, (carried, by)| carried.times_plus(column(by, axis), sum));
             *followed = moved.dot(SimdVector::new(gradient));
         }
         SimdVector::new(&followed)
     }
 
     /// What `push`, the sensitivity to the estimates at the end of a step, means for the motion
-    /// within it: adds it to that of q̇ at the start, and gives that of r.
+    /// within it: adds it to that of what the joints carry at the start, and gives that of r.
     #[inline(never)]
-    fn sensitivity_within<const D: usize>(
+    fn sensitivity_within<const D: usize, const C: usize>(
         &self,
         axes: &[usize],
         step: &Step<N, D>,
         push: SimdVector<M>,
-        costate: &mut Joints<N>,
+        costate: &mut Joints<N, C>,
     ) -> SimdVector<N> {
         let mut reference = SimdVector::ZERO;
         for ((push, gradient), &axis) in push.array().into_iter().zip(&self.gradients.rows).zip(axes) {
-            let (by_velocity, by_reference) = within(step, axis);
             let pushed = SimdVector::new(gradient).times(SimdVector::splat(push));
-            costate.velocity = pushed.times_plus(by_velocity, costate.velocity);
-            reference = pushed.times_plus(by_reference, reference);
+            for (carried, by) in costate.carried.iter_mut().zip(&step.wrench_by) {
+                *carried = pushed.times_plus(column(by, axis), *carried);
+            }
+            reference = pushed.times_plus(column(&step.wrench_by_reference, axis), reference);
         }
         reference
     }
@@ -135,19 +151,19 @@ impl<const M: usize> Filter<M> {
     }
 }
 
-/// A and B of one axis in a step.
+/// A or B of one axis in a step.
 #[inline(always)]
-fn within<const N: usize, const D: usize>(step: &Step<N, D>, axis: usize) -> (SimdVector<N>, SimdVector<N>) {
-    (SimdVector::new(&step.wrench_by_velocity.data.0[axis]), SimdVector::new(&step.wrench_by_reference.data.0[axis]))
+fn column<const N: usize, const D: usize>(by: &SMatrix<f64, N, D>, axis: usize) -> SimdVector<N> {
+    SimdVector::new(&by.data.0[axis])
 }
 
 /// Writes the free trajectory, and g; zero beyond the variables.
 // Kept out of its callers: inlined together they would run out of registers.
 #[inline(never)]
-pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
-    rows: &MpcRows<'_, N, D, M>,
+pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, const C: usize>(
+    rows: &MpcRows<'_, N, D, M, C>,
     gradient: &mut [f64],
-    free: &mut FreeTrajectory<'_, N, M>,
+    free: &mut FreeTrajectory<'_, N, M, C>,
 ) {
     let (prediction, is_even) = (rows.prediction, rows.horizon.is_even());
     let follows_within = rows.horizon.follows_within();
@@ -155,12 +171,14 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     let estimates = Estimates::new(rows);
     let mut filter = Filter::of(axes, &steps[0]);
     let initial = &prediction.initial;
-    let mut joints =
-        Joints { position: SimdVector::of(&initial.joint_position), velocity: SimdVector::of(&initial.joint_velocity) };
+    let carried = initial.carried();
+    let mut joints = Joints::<N, C> {
+        position: SimdVector::of(&initial.joint_position),
+        carried: core::array::from_fn(|c| SimdVector::of(&carried[c])),
+    };
     let mut wrench: SimdVector<M> = pick(axes, &initial.wrench);
-    free.joints[0] = [joints.position.array(), joints.velocity.array()];
-    let places = free.joints[1..].iter_mut().zip(free.wrench.iter_mut());
-    for ((step, reference), (joints_after, wrench_after)) in steps.iter().zip(prediction.known_reference).zip(places) {
+    free.put(0, &joints);
+    for (k, (step, reference)) in steps.iter().zip(prediction.known_reference).enumerate() {
         if !is_even {
             filter = Filter::of(axes, step);
         }
@@ -168,11 +186,11 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
         let followed = estimates.linear(joints.position).times(filter.by_start);
         wrench = wrench.times_plus(filter.decay, followed);
         if follows_within {
-            wrench = wrench.plus(estimates.followed_within(axes, step, joints.velocity, reference));
+            wrench = wrench.plus(estimates.followed_within(axes, step, &joints, reference));
         }
         joints.advance(step, reference);
-        *joints_after = [joints.position.array(), joints.velocity.array()];
-        *wrench_after = wrench.array();
+        free.put(k + 1, &joints);
+        free.wrench[k] = wrench.array();
     }
     let n = M * steps.len();
     gradient[n..].fill(0.0);
@@ -187,20 +205,18 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
     let inputs = prediction.inputs.as_slice();
     let input_weight: SimdVector<M> = pick(inputs, &prediction.input_weight);
     let wanted = input_weight.times(pick(inputs, &prediction.set_point.input));
-    let mut costate = Joints::<N>::ZERO;
+    let mut costate = Joints::<N, C>::ZERO;
     let mut push = SimdVector::<M>::ZERO;
     // Variables stand in reversed time order: backward in time is forward in g.
-    let backward = steps.iter().zip(&free.joints[1..]).zip(&*free.wrench).rev();
+    let backward = steps.iter().zip(&*free.wrench).enumerate().rev();
     let mut weight = estimates.weight;
-    for ((k, ((step, joints), wrench)), place) in
-        (0..steps.len()).rev().zip(backward).zip(gradient.as_chunks_mut::<M>().0)
-    {
+    for ((k, (step, wrench)), place) in backward.zip(gradient.as_chunks_mut::<M>().0) {
         let share = rows.horizon.share(k);
         if !is_even {
             filter = Filter::of(axes, step);
             weight = estimates.weight.times(SimdVector::splat(share));
         }
-        add_joint_cost(rows, &jacobian, &joints_of(joints), share, &mut costate);
+        add_joint_cost(rows, &jacobian, &free.joints_at(k + 1), share, &mut costate);
         push = SimdVector::new(wrench).minus(estimates.set_point).times_plus(weight, push);
         let mut reference = costate.back(step);
         if follows_within {
@@ -215,20 +231,20 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize>(
 
 /// costate += `share` Q (x − x⁰) of q and q̇.
 #[inline(always)]
-fn add_joint_cost<const N: usize, const D: usize, const M: usize>(
-    rows: &MpcRows<'_, N, D, M>,
+fn add_joint_cost<const N: usize, const D: usize, const M: usize, const C: usize>(
+    rows: &MpcRows<'_, N, D, M, C>,
     jacobian: &SimdMatrix<D, N>,
-    joints: &Joints<N>,
+    joints: &Joints<N, C>,
     share: f64,
-    costate: &mut Joints<N>,
+    costate: &mut Joints<N, C>,
 ) {
     let (set_point, share) = (&rows.prediction.set_point, SimdVector::splat(share));
     let q = joints.position.minus(SimdVector::of(&set_point.joint_position)).times(share);
-    let v = joints.velocity.minus(SimdVector::of(&set_point.joint_velocity)).times(share);
+    let v = joints.carried[0].minus(SimdVector::of(&set_point.joint_velocity)).times(share);
     match rows.prediction.weights {
         Weights::Joint { position, velocity, .. } => {
             costate.position = q.times_plus(SimdVector::of(position), costate.position);
-            costate.velocity = v.times_plus(SimdVector::of(velocity), costate.velocity);
+            costate.carried[0] = v.times_plus(SimdVector::of(velocity), costate.carried[0]);
         }
         Weights::Task { position, velocity, .. } => {
             // Jᵀ W J.
@@ -236,7 +252,7 @@ fn add_joint_cost<const N: usize, const D: usize, const M: usize>(
                 jacobian.transposed_times(jacobian.times(x).times(SimdVector::of(weight)))
             };
             costate.position = costate.position.plus(pushed(q, position));
-            costate.velocity = costate.velocity.plus(pushed(v, velocity));
+            costate.carried[0] = costate.carried[0].plus(pushed(v, velocity));
         }
     }
 }

@@ -126,7 +126,7 @@ impl<S> DerefMut for PlanarController<S> {
 }
 
 pub(crate) fn controller<S: QpSolver>(parameters: Parameters<2, 2>, solver: S) -> PlanarController<S> {
-    let storage = vec![0.0; Capacity::new::<2, 2>(parameters.mpc.horizon).storage_len()];
+    let storage = vec![0.0; Capacity::new::<2, 2>(parameters.mpc.horizon, 1).storage_len()];
     let controller = Controller::new(parameters, solver, storage).expect("valid parameters");
     PlanarController { controller, plan: Plan::empty() }
 }

@@ -6,7 +6,7 @@ use admittance_core::mpc::constraints::{AxisBound, Constraints, ForceBounds, Nor
 use admittance_core::mpc::cost::{SetPoint, Weights};
 use admittance_core::mpc::horizon::Horizon;
 use admittance_core::mpc::model::{Discretization, Model, State};
-use admittance_core::robot::Interval;
+use admittance_core::robot::{Interval, VelocityLoops};
 use nalgebra::{SMatrix, SVector, Vector2};
 
 use super::{joint_weights, model, parameters, pushing, task_weights};
@@ -60,12 +60,9 @@ impl Case {
         let q = sample.joint_position;
         let model = model(&parameters, &q);
         let velocity = |twist: &Vector2<f64>| model.jacobian_inverse * twist;
-        let initial = State {
-            joint_position: q,
-            joint_velocity: velocity(&sample.twist_reference) * self.moving,
-            // The estimate lags behind.
-            wrench: sample.wrench.0.fixed_rows::<2>(0) * 0.8,
-        };
+        let moving = velocity(&sample.twist_reference) * self.moving;
+        // The estimate lags behind.
+        let initial = State::moving(q, moving, sample.wrench.0.fixed_rows::<2>(0) * 0.8);
         let mut bounds = ForceBounds::none();
         for axis in (0..2).filter(|&axis| self.axes[axis]) {
             bounds.push(AxisBound { axis, sign: -1.0, minimum: 0.1, maximum: 200.0 });
@@ -94,13 +91,8 @@ impl Case {
             input_weight: Vector2::new(10.0, 15.0),
             slack: None,
         };
-        let horizon = Horizon::new(
-            self.discretization,
-            self.steps,
-            |_| &[],
-            &parameters.velocity_time_constant,
-            &Vector2::repeat(self.estimate),
-        );
+        let horizon =
+            Horizon::new(self.discretization, self.steps, |_| &[], &parameters.loops, &Vector2::repeat(self.estimate));
         Problem { model, horizon, prediction }
     }
 }
@@ -171,6 +163,16 @@ pub(crate) struct Shape {
     pub(crate) slack: Option<Slack>,
     /// Without the wrench state and the bounded force of one axis, without some task weights.
     pub(crate) partial: bool,
+    pub(crate) loops: Loops,
+}
+
+/// Speed loops of a problem.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Loops {
+    /// (4).
+    Plain,
+    /// Of second order and of first, with dead times.
+    Mixed,
 }
 
 /// Parts of the first three steps at which the force is bounded too, if an input reaches them.
@@ -201,15 +203,25 @@ impl Shape {
         points
     }
 
-    pub(crate) fn time_constants<const N: usize, const D: usize>(&self) -> (SVector<f64, N>, SVector<f64, D>) {
+    /// Speed loops, and T_est.
+    pub(crate) fn lags<const N: usize, const D: usize>(&self) -> (VelocityLoops<N>, SVector<f64, D>) {
         let estimate = |axis: usize| self.estimate[axis % 2] * (1.0 + 0.1 * axis as f64);
-        (SVector::from_fn(|i, _| 0.010 + 0.002 * i as f64), SVector::from_fn(|axis, _| estimate(axis)))
+        let mut loops = VelocityLoops::first_order(SVector::from_fn(|i, _| 0.010 + 0.002 * i as f64));
+        if self.loops == Loops::Mixed {
+            // Every third of first order; the last waits for as long as the shortest step lasts.
+            let shortest = self.steps.iter().copied().fold(f64::INFINITY, f64::min);
+            loops.damping = SVector::from_fn(|i, _| [0.5, 0.0, 1.3][i % 3]);
+            loops.dead_time = SVector::from_fn(|i, _| 0.003 + shortest * i as f64 / (N - 1) as f64);
+        }
+        (loops, SVector::from_fn(|axis, _| estimate(axis)))
     }
 
     pub(crate) fn problem<const N: usize, const D: usize>(&self, numbers: &mut Numbers) -> Problem<N, D> {
         let initial = State {
             joint_position: numbers.vector(1.0),
             joint_velocity: numbers.vector(0.3),
+            joint_acceleration: numbers.vector(10.0),
+            earlier_reference: numbers.vector(0.5),
             wrench: numbers.vector(50.0),
         };
         let wrench_gradient = numbers.matrix(1e4);
@@ -267,8 +279,8 @@ impl Shape {
             input_weight: numbers.positive(10.0),
             slack: self.slack,
         };
-        let (velocity, estimate) = self.time_constants();
-        let horizon = Horizon::new(self.discretization, &self.steps, |step| self.inside(step), &velocity, &estimate);
+        let (loops, estimate) = self.lags();
+        let horizon = Horizon::new(self.discretization, &self.steps, |step| self.inside(step), &loops, &estimate);
         Problem { model, horizon, prediction }
     }
 }
@@ -283,10 +295,12 @@ pub(crate) fn shapes() -> Vec<Shape> {
             let uneven: Vec<_> = (0..steps).map(|step| UNEVEN[step % UNEVEN.len()]).collect();
             for steps in [even, uneven] {
                 for (by_task, partial) in [(false, false), (false, true), (true, false), (true, true)] {
-                    let estimate = estimates[shapes.len() / DISCRETIZATIONS.len() % estimates.len()];
-                    for discretization in DISCRETIZATIONS {
+                    let estimate = estimates[shapes.len() / 3 % estimates.len()];
+                    let [euler, exact] = DISCRETIZATIONS;
+                    for (discretization, loops) in [(euler, Loops::Plain), (exact, Loops::Plain), (exact, Loops::Mixed)]
+                    {
                         let (steps, slack) = (steps.clone(), SLACKS[shapes.len() % SLACKS.len()]);
-                        shapes.push(Shape { discretization, steps, inputs, by_task, estimate, slack, partial });
+                        shapes.push(Shape { discretization, steps, inputs, by_task, estimate, slack, partial, loops });
                     }
                 }
             }
@@ -333,8 +347,8 @@ impl<const N: usize, const D: usize> Problem<N, D> {
 }
 
 /// Where the variables, in the order of time, stand in the QP.
-pub(crate) fn order<const N: usize, const D: usize, const M: usize>(
-    rows: &MpcRows<'_, N, D, M>,
+pub(crate) fn order<const N: usize, const D: usize, const M: usize, const C: usize>(
+    rows: &MpcRows<'_, N, D, M, C>,
     steps: usize,
 ) -> Vec<usize> {
     let inputs = (0..steps).flat_map(|step| rows.inputs_of(step));
@@ -345,7 +359,7 @@ pub(crate) fn workspace<const N: usize, const D: usize>(
     horizon: &Horizon<N, D>,
     weights: &Weights<N, D>,
 ) -> Workspace<Vec<f64>> {
-    let capacity = Capacity::new::<N, D>(horizon.steps().len());
+    let capacity = Capacity::new::<N, D>(horizon.steps().len(), horizon.carried());
     // An earlier cycle must leave no trace.
     Workspace::new(horizon, weights, vec![f64::NAN; capacity.storage_len()]).expect("long enough")
 }

@@ -121,7 +121,7 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
         for (k, step) in self.sequence.horizon.steps().iter().enumerate() {
             let known = &problem.known_reference[k];
             for joint in 0..N {
-                let (a, b) = (step.position_by_velocity[joint], step.position_by_reference[joint]);
+                let (a, b) = (step.position_by[0][joint], step.position_by_reference[joint]);
                 let mut right = b * known[joint];
                 self.push(self.state(k + 1) + joint, 1.0);
                 self.push_before(k, joint, -1.0, initial.joint_position[joint], &mut right);
@@ -132,7 +132,7 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
                 self.form.bounds.push(right);
             }
             for joint in 0..N {
-                let (c, d) = (step.velocity_decay[joint], step.velocity_by_reference[joint]);
+                let (c, d) = (step.carried_by[0][0][joint], step.carried_by_reference[0][joint]);
                 let mut right = d * known[joint];
                 self.push(self.state(k + 1) + N + joint, 1.0);
                 self.push_before(k, N + joint, -c, initial.joint_velocity[joint], &mut right);
@@ -149,7 +149,7 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
                     let start = (initial.joint_position[joint], initial.joint_velocity[joint]);
                     self.push_before(k, joint, (decay - 1.0) * gradient, start.0, &mut right);
                     if follows {
-                        let by_velocity = step.wrench_by_velocity[(joint, axis)] * gradient;
+                        let by_velocity = step.wrench_by[0][(joint, axis)] * gradient;
                         self.push_before(k, N + joint, -by_velocity, start.1, &mut right);
                         right += step.wrench_by_reference[(joint, axis)] * gradient * known[joint];
                     }
@@ -197,8 +197,8 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
         let (problem, model) = (self.problem, &self.problem.model);
         let steps = self.sequence.horizon.steps();
         for point in self.sequence.horizon.force_points() {
-            let (k, a, b) = (point.step, &point.position_by_velocity, &point.position_by_reference);
-            let is_end = *a == steps[k].position_by_velocity && *b == steps[k].position_by_reference;
+            let (k, a, b) = (point.step, &point.position_by[0], &point.position_by_reference);
+            let is_end = *a == steps[k].position_by[0] && *b == steps[k].position_by_reference;
             for bound in problem.constraints.force.as_slice() {
                 // In hundreds of newtons.
                 let scale = sign * 0.01;
@@ -241,7 +241,7 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
         }
         if let Some(interval) = &problem.constraints.rest_position {
             let limits = if sign > 0.0 { &interval.upper } else { &interval.lower };
-            let lag = self.sequence.horizon.velocity_time_constant();
+            let lag = &self.sequence.horizon.until_rest()[0];
             for (step, joint) in (0..self.steps()).flat_map(|step| (0..N).map(move |joint| (step, joint))) {
                 self.push(self.state(step + 1) + joint, sign);
                 self.push(self.state(step + 1) + N + joint, sign * lag[joint]);

@@ -94,7 +94,7 @@ impl<const N: usize> Limits<N> {
         // One joint, one side: where the inputs have most to hold back.
         let mut most_held = 0.0;
         for (joint, sign) in (0..N).flat_map(|joint| [(joint, 1.0), (joint, -1.0)]) {
-            let lag = free.horizon.velocity_time_constant()[joint];
+            let lag = free.horizon.until_rest()[0][joint];
             let away = |Problem { initial: x, .. }: &Problem<N>| {
                 sign * (x.joint_position[joint] + lag * x.joint_velocity[joint] - start[joint])
             };

@@ -5,7 +5,7 @@ use admittance_core::mpc::constraints::{AxisBound, Constraints, ForceBounds};
 use admittance_core::mpc::cost::{SetPoint, Weights};
 use admittance_core::mpc::horizon::Horizon;
 use admittance_core::mpc::model::{Discretization, Model, State};
-use admittance_core::robot::Interval;
+use admittance_core::robot::{Interval, VelocityLoops};
 use nalgebra::{SMatrix, SVector};
 
 use super::ProblemFile;
@@ -33,10 +33,9 @@ impl ProblemFile {
             }
             let joint_speed =
                 Interval { lower: joints(&record.v_lower) + known, upper: joints(&record.v_upper) + known };
-            let x = |values: &[f64]| State::<N, N> {
-                joint_position: joints(&values[..N]),
-                joint_velocity: joints(&values[N..2 * N]),
-                wrench: axes(&|axis| values[2 * N + axis], 0.0),
+            let x = |values: &[f64]| {
+                let wrench = axes(&|axis| values[2 * N + axis], 0.0);
+                State::<N, N>::moving(joints(&values[..N]), joints(&values[N..2 * N]), wrench)
             };
             let reference = x(&record.set_point);
             Problem {
@@ -70,7 +69,7 @@ impl ProblemFile {
                 Discretization::Euler,
                 &vec![t; self.horizon],
                 |_| &[],
-                &velocity_time_constant,
+                &VelocityLoops::first_order(velocity_time_constant),
                 &axes(&|axis| lag(2 * N + axis), 0.02),
             ),
             inputs: InputAxes::from_mask(&std::array::from_fn(|axis| axis < M)),

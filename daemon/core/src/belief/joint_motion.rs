@@ -1,0 +1,115 @@
+//! How the joints really move: q̇ is reported late by some controllers, q̈ by none. Both follow from
+//! the references that the joints were given, corrected by what is reported.
+
+use nalgebra::SVector;
+
+use crate::intake::Accepted;
+use crate::mpc::Discretization;
+use crate::output::UnderWay;
+use crate::quantities::Span;
+use crate::robot::VelocityLoops;
+
+/// Longest time between two samples over which the references in between are known.
+const LONGEST: Span = Span::from_nanoseconds(100_000_000);
+
+/// q̇ and q̈ of the joints at a sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointMotion<const N: usize> {
+    /// q̇ in rad/s.
+    pub velocity: SVector<f64, N>,
+    /// q̈ in rad/s²; 0 of loops of first order.
+    pub acceleration: SVector<f64, N>,
+}
+
+/// What the next estimate starts from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Last<const N: usize, const D: usize> {
+    motion: JointMotion<N>,
+    sample: Accepted<N, D>,
+}
+
+/// An observer of the joints' motion.
+///
+/// It runs the speed loops under the references that the joints were given. What the reported q̇
+/// then shows beyond the predicted one is taken for q̇, whose error so fades with the lag of the
+/// report; that of q̈ fades with exp(−2ζω t).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct JointObserver<const N: usize, const D: usize> {
+    loops: VelocityLoops<N>,
+    last: Option<Last<N, D>>,
+}
+
+impl<const N: usize, const D: usize> JointObserver<N, D> {
+    /// Has seen nothing.
+    pub(crate) fn new(loops: VelocityLoops<N>) -> Self {
+        Self { loops, last: None }
+    }
+
+    /// Takes over the state of `old`, with these loops.
+    pub(crate) fn take_over(&mut self, old: &Self) {
+        self.last = old.last;
+    }
+
+    /// Replaces the estimate at the last sample: for a replay that begins there.
+    pub(crate) fn resume(&mut self, motion: &JointMotion<N>) {
+        if let Some(last) = &mut self.last {
+            last.motion = *motion;
+        }
+    }
+
+    /// The motion at `sample`, by the commands `under_way` since the sample before.
+    pub(crate) fn follow(&mut self, sample: &Accepted<N, D>, under_way: &UnderWay<D>) -> JointMotion<N> {
+        let reported = JointMotion { velocity: sample.joint_velocity, acceleration: SVector::zeros() };
+        if !self.loops.needs_estimate() {
+            return reported;
+        }
+        let since = self.last.filter(|last| {
+            !sample.is_new_run && sample.stamp > last.sample.stamp && sample.stamp.since(last.sample.stamp) <= LONGEST
+        });
+        let motion = since.and_then(|last| self.predict(&last, sample, under_way)).unwrap_or(reported);
+        self.last = Some(Last { motion, sample: *sample });
+        motion
+    }
+
+    /// From the last sample on; `None` where J had no inverse.
+    fn predict(&self, last: &Last<N, D>, sample: &Accepted<N, D>, under_way: &UnderWay<D>) -> Option<JointMotion<N>> {
+        let loops = &self.loops;
+        let inverse = last.sample.posture.inverse(0.0).ok()?;
+        let reference = |offset: Option<SVector<f64, D>>| {
+            offset.map_or_else(SVector::zeros, |offset| inverse.joint_velocity(&(last.sample.twist_reference + offset)))
+        };
+        let (mut velocity, mut acceleration) = (last.motion.velocity, last.motion.acceleration);
+        let mut shown = last.sample.joint_velocity;
+        let lag = loops.report_lag;
+        for stretch in under_way.between(last.sample.stamp, sample.stamp, loops.dead_times()) {
+            let mut r = reference(stretch.offset[0]);
+            for joint in 1..N {
+                if stretch.offset[joint] != stretch.offset[0] {
+                    r[joint] = reference(stretch.offset[joint])[joint];
+                }
+            }
+            let by_lag = SVector::<f64, 1>::new(lag);
+            let step = Discretization::Zoh.without_dead_time(stretch.duration, loops, &by_lag);
+            if lag > 0.0 {
+                // The filter of q̇ is the derivative of that of q: what q has done beyond it, over the lag.
+                let beyond = |moved: &SVector<f64, N>, filtered: SVector<f64, N>| (moved - filtered) / lag;
+                let column = |from: usize| step.wrench_by[from].column(0).into_owned();
+                shown = shown * step.wrench_decay[0]
+                    + beyond(&step.position_by[0], column(0)).component_mul(&velocity)
+                    + beyond(&step.position_by[1], column(1)).component_mul(&acceleration)
+                    + beyond(&step.position_by_reference, step.wrench_by_reference.column(0).into_owned())
+                        .component_mul(&r);
+            }
+            let next = |to: usize| {
+                let by = &step.carried_by[to];
+                by[0].component_mul(&velocity)
+                    + by[1].component_mul(&acceleration)
+                    + step.carried_by_reference[to].component_mul(&r)
+            };
+            (velocity, acceleration) = (next(0), next(1));
+        }
+        let expected = if lag > 0.0 { shown } else { velocity };
+        velocity += sample.joint_velocity - expected;
+        Some(JointMotion { velocity, acceleration })
+    }
+}

@@ -1,0 +1,101 @@
+//! Speed loops that are more than (4), told and not told: of second order, with dead times, and
+//! with joint velocities that are reported late.
+
+use admittance_host::config::parse;
+use admittance_host::robot_description::VelocityLoopDescription;
+use admittance_runner::config::Config;
+use end_to_end::closed_loop::{Experiment, MPC_DEFAULT, Run};
+
+/// Instants of contact within a sample.
+const INSTANTS: u32 = 8;
+/// f_max in N, and what the linear model may miss of it.
+const MOST: f64 = 200.0 + 0.5;
+
+fn plain() -> VelocityLoopDescription {
+    VelocityLoopDescription { damping: None, dead_time_s: None, report_lag_s: 0.0 }
+}
+
+/// The paper's arm with these loops, which the controller is told if `is_told`.
+fn experiment(sampling_time: f64, speed: f64, loops: &VelocityLoopDescription, is_told: bool) -> Experiment {
+    let mut experiment = Experiment::paper(sampling_time, speed);
+    experiment.scenario.robot.velocity_loop = Some(loops.clone());
+    if is_told {
+        experiment.config.robot.velocity_loop = Some(loops.clone());
+    }
+    experiment
+}
+
+/// The largest force in N, the contacts lost and the refusals of all instants of contact.
+fn worst(experiment: &Experiment) -> (f64, u32, usize) {
+    let (mut peak, mut losses, mut infeasible) = (0.0f64, 0, 0);
+    experiment.at_instants(INSTANTS, |_, run: &Run| {
+        peak = peak.max(run.peak(0)).max(run.peak(1));
+        losses += run.losses();
+        infeasible += run.infeasible();
+    });
+    (peak, losses, infeasible)
+}
+
+/// Told, the contact is kept within the limit; not told, it is not kept or the limit not.
+fn matters(name: &str, sampling_time: f64, speed: f64, loops: &VelocityLoopDescription) {
+    let told = worst(&experiment(sampling_time, speed, loops, true));
+    let untold = worst(&experiment(sampling_time, speed, loops, false));
+    println!("{name}, {sampling_time} s, {speed} m/s: (peak N, losses, refusals) told {told:?}, not told {untold:?}");
+    assert!(told.0 <= MOST && told.1 == 0 && told.2 == 0, "{name} at {speed} m/s, told: {told:?}");
+    assert!(untold.0 > MOST || untold.1 > 0, "{name} at {speed} m/s, not told: {untold:?} is as good");
+}
+
+#[test]
+fn loops_of_second_order_are_safe_once_told() {
+    let loops = VelocityLoopDescription { damping: Some(vec![0.5, 0.7]), ..plain() };
+    matters("second order", 0.004, 0.2, &loops);
+    matters("second order", 0.001, 0.3, &loops);
+}
+
+#[test]
+fn unequal_dead_times_are_safe_once_told() {
+    let loops = VelocityLoopDescription { dead_time_s: Some(vec![0.002, 0.0028]), ..plain() };
+    matters("dead times", 0.001, 0.3, &loops);
+}
+
+#[test]
+fn joint_velocities_reported_late_are_safe_once_told() {
+    let loops = VelocityLoopDescription { report_lag_s: 0.004, ..plain() };
+    matters("late joint velocities", 0.001, 0.3, &loops);
+}
+
+#[test]
+fn all_of_it_is_safe_once_told() {
+    let loops = VelocityLoopDescription {
+        damping: Some(vec![0.5, 0.0]),
+        dead_time_s: Some(vec![0.001, 0.0018]),
+        report_lag_s: 0.002,
+    };
+    matters("all", 0.001, 0.1, &loops);
+    matters("all", 0.001, 0.3, &loops);
+}
+
+#[test]
+fn what_the_model_cannot_have_is_refused_by_name() {
+    let paper = include_str!("../../../deploy/demo/mpc-paper.toml");
+    let refused = |file: &str, section: &str| {
+        let text =
+            file.replacen("\n[[robot.joint]]", &format!("\n[robot.velocity_loop]\n{section}\n\n[[robot.joint]]"), 1);
+        parse::<Config>(&text, "cell.toml").expect_err(section).to_string()
+    };
+    for (file, section, what) in [
+        (
+            paper,
+            "damping = [0.7, 0.7]",
+            "robot.velocity_loop.damping = above 0: accepted: 0 throughout, or mpc.discretization = \"zoh\"",
+        ),
+        (MPC_DEFAULT, "damping = [0.7, 0.05]", "robot.velocity_loop.damping[1] = 0.05"),
+        (MPC_DEFAULT, "damping = [0.7, 0.7, 0.7]", "robot.velocity_loop.damping = 3 values"),
+        (MPC_DEFAULT, "dead_time_s = [0.0, 0.006]", "robot.velocity_loop.dead_time_s = 0 to 0.006"),
+        (MPC_DEFAULT, "dead_time_s = [0.04, 0.04]", "robot.velocity_loop.dead_time_s = 0.04"),
+        (MPC_DEFAULT, "report_lag_s = -1.0", "robot.velocity_loop.report_lag_s = -1"),
+    ] {
+        let said = refused(file, section);
+        assert!(said.contains(what), "{section}: {said}");
+    }
+}
