@@ -18,6 +18,11 @@ pub(super) struct FreeTrajectory<'a, const N: usize, const M: usize, const C: us
     wrench: &'a mut [[f64; M]],
 }
 
+#[inline(always)]
+fn joints_of<const N: usize, const C: usize>(position: &[f64; N], carried: &[[f64; N]; C]) -> Joints<N, C> {
+    Joints { position: SimdVector::new(position), carried: core::array::from_fn(|c| SimdVector::new(&carried[c])) }
+}
+
 /// Length of a trajectory's storage, of joints that carry so many numbers.
 pub(super) const fn trajectory_len<const N: usize, const D: usize>(steps: usize, carried: usize) -> usize {
     (1 + carried) * N * (steps + 1) + D * steps
@@ -39,17 +44,7 @@ impl<'a, const N: usize, const M: usize, const C: usize> FreeTrajectory<'a, N, M
     /// Joints at the start of step `step`, or at the end of the last.
     #[inline(always)]
     pub(super) fn joints_at(&self, step: usize) -> Joints<N, C> {
-        let carried = &self.carried[step];
-        Joints {
-            position: SimdVector::new(&self.position[step]),
-            carried: core::array::from_fn(|c| SimdVector::new(&carried[c])),
-        }
-    }
-
-    #[inline(always)]
-    fn put(&mut self, step: usize, joints: &Joints<N, C>) {
-        self.position[step] = joints.position.array();
-        self.carried[step] = joints.carried.map(SimdVector::array);
+        joints_of(&self.position[step], &self.carried[step])
     }
 }
 
@@ -177,8 +172,11 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
         carried: core::array::from_fn(|c| SimdVector::of(&carried[c])),
     };
     let mut wrench: SimdVector<M> = pick(axes, &initial.wrench);
-    free.put(0, &joints);
-    for (k, (step, reference)) in steps.iter().zip(prediction.known_reference).enumerate() {
+    (free.position[0], free.carried[0]) = (joints.position.array(), joints.carried.map(SimdVector::array));
+    let places = free.position[1..].iter_mut().zip(&mut free.carried[1..]).zip(free.wrench.iter_mut());
+    for ((step, reference), ((position, carried), wrench_after)) in
+        steps.iter().zip(prediction.known_reference).zip(places)
+    {
         if !is_even {
             filter = Filter::of(axes, step);
         }
@@ -189,8 +187,8 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
             wrench = wrench.plus(estimates.followed_within(axes, step, &joints, reference));
         }
         joints.advance(step, reference);
-        free.put(k + 1, &joints);
-        free.wrench[k] = wrench.array();
+        (*position, *carried) = (joints.position.array(), joints.carried.map(SimdVector::array));
+        *wrench_after = wrench.array();
     }
     let n = M * steps.len();
     gradient[n..].fill(0.0);
@@ -208,15 +206,19 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
     let mut costate = Joints::<N, C>::ZERO;
     let mut push = SimdVector::<M>::ZERO;
     // Variables stand in reversed time order: backward in time is forward in g.
-    let backward = steps.iter().zip(&*free.wrench).enumerate().rev();
+    let joints =
+        free.position[1..].iter().zip(&free.carried[1..]).map(|(position, carried)| joints_of(position, carried));
+    let backward = steps.iter().zip(joints).zip(&*free.wrench).rev();
     let mut weight = estimates.weight;
-    for ((k, (step, wrench)), place) in backward.zip(gradient.as_chunks_mut::<M>().0) {
+    for ((k, ((step, joints), wrench)), place) in
+        (0..steps.len()).rev().zip(backward).zip(gradient.as_chunks_mut::<M>().0)
+    {
         let share = rows.horizon.share(k);
         if !is_even {
             filter = Filter::of(axes, step);
             weight = estimates.weight.times(SimdVector::splat(share));
         }
-        add_joint_cost(rows, &jacobian, &free.joints_at(k + 1), share, &mut costate);
+        add_joint_cost(rows, &jacobian, &joints, share, &mut costate);
         push = SimdVector::new(wrench).minus(estimates.set_point).times_plus(weight, push);
         let mut reference = costate.back(step);
         if follows_within {
