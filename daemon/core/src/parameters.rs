@@ -40,6 +40,8 @@ pub struct Parameters<const N: usize, const D: usize> {
     pub loops: VelocityLoops<N>,
     /// T_est per axis in s; 0 for ideal force measurement.
     pub wrench_time_constant: SVector<f64, D>,
+    /// By how much later f̂ shows the force, besides that lag.
+    pub wrench_dead_time: Span,
     /// How f̂ follows from the wrench as it is given.
     pub conditioning: Conditioning<D>,
     /// The surface.
@@ -86,6 +88,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             thresholds: self.thresholds,
             sign: self.sign,
             wrench_time_constant: self.wrench_time_constant,
+            wrench_dead_time: self.wrench_dead_time,
         }
     }
 
@@ -164,7 +167,7 @@ pub enum ParameterError {
     /// f_min is not above the release threshold, or on a plane too large for some f_max.
     MinimumForce,
     /// The contact point is to be detected, but the estimates of the axes that feel it differ in
-    /// T_est.
+    /// T_est, or have a dead time.
     Detection,
     /// The storage is shorter than the horizon needs.
     Storage,
@@ -193,7 +196,8 @@ impl core::fmt::Display for ParameterError {
                  force_limit / |n|"
             }
             Self::Detection => {
-                "a detected contact point needs one wrench_time_constant_s on all axes with a normal component"
+                "a detected contact point needs one wrench_time_constant_s on all axes with a normal component, and \
+                 no dead time of the wrench"
             }
             Self::Storage => "the storage of the MPC is shorter than its horizon needs",
         })
@@ -247,7 +251,8 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             return Err(ParameterError::MinimumForce);
         }
         let felt = || self.felt_axes().map(|axis| self.wrench_time_constant[axis]);
-        if self.contact_point != ContactPoint::Configured && felt().any(|lag| felt().next() != Some(lag)) {
+        let is_detected = self.contact_point != ContactPoint::Configured;
+        if is_detected && (self.wrench_dead_time > Span::default() || felt().any(|lag| felt().next() != Some(lag))) {
             return Err(ParameterError::Detection);
         }
         match &self.law {
@@ -266,6 +271,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         loops.damping.iter().chain(&loops.dead_time).chain([&loops.report_lag]).all(known)
             && loops.further_dead_time().max() <= shortest
             && (is_simple || (mpc.discretization == Discretization::Zoh && mpc.models_delay))
+            && self.wrench_dead_time.seconds() <= output::MAX_DELAY_CYCLES * self.timing.sampling_time.seconds()
             && (is_simple || delay <= output::MAX_DELAY_CYCLES * self.timing.sampling_time.seconds())
     }
 

@@ -75,6 +75,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
         minimum_reciprocal_condition: config.control.minimum_reciprocal_condition,
         loops,
         wrench_time_constant: vector(&contact.wrench_time_constant_s)?,
+        wrench_dead_time: Span::from_seconds(contact.wrench_dead_time_s),
         conditioning: conditioning(&config.wrench)?,
         surface: Surface::plane(
             environment.normal_stiffness_n_m,

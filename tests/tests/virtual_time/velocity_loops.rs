@@ -1,5 +1,5 @@
-//! Speed loops that are more than (4), told and not told: of second order, with dead times, and
-//! with joint velocities that are reported late.
+//! What is more than the paper's lags (4) and (6), told and not told: speed loops of second order,
+//! dead times, joint velocities that are reported late, a wrench that comes late.
 
 use admittance_host::config::parse;
 use admittance_host::robot_description::VelocityLoopDescription;
@@ -73,6 +73,31 @@ fn all_of_it_is_safe_once_told() {
     };
     matters("all", 0.001, 0.1, &loops);
     matters("all", 0.001, 0.3, &loops);
+}
+
+/// Told, f̂ is expected when it comes; not told, it seems to contradict the surface.
+#[test]
+fn a_dead_time_of_the_wrench_is_expected_once_told() {
+    let [told, untold] = [true, false].map(|is_told| {
+        let mut experiment = Experiment::paper(0.001, 0.15);
+        experiment.scenario.wrench.delay_s = 0.005;
+        if is_told {
+            experiment.config.contact.wrench_dead_time_s = 0.005;
+        }
+        // What the expected force may be off: less than the dead time makes of the impact.
+        experiment.config.stopping.mismatch_n = Some(10.0);
+        experiment.config.stopping.mismatch_cycles = 2;
+        let (mut peak, mut stops, mut losses) = (0.0f64, 0, 0);
+        experiment.at_instants(INSTANTS, |_, run: &Run| {
+            peak = peak.max(run.peak(0)).max(run.peak(1));
+            stops += usize::from(run.stop_reason().is_some());
+            losses += run.losses();
+        });
+        (peak, stops, losses)
+    });
+    println!("(peak N, stops, losses) told {told:?}, not told {untold:?}");
+    assert!(told.0 <= MOST && told.1 == 0 && told.2 == 0, "told: {told:?}");
+    assert!(untold.1 > 0, "not told: {untold:?}");
 }
 
 #[test]

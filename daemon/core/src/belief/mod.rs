@@ -26,6 +26,7 @@ mod contact;
 mod detection;
 mod expectation;
 mod joint_motion;
+mod spring_history;
 #[cfg(test)]
 mod tests;
 
@@ -38,8 +39,10 @@ pub use joint_motion::JointMotion;
 pub(crate) use joint_motion::JointObserver;
 
 use crate::intake::Accepted;
+use crate::quantities::{Instant, Span};
 use crate::surface::Surface;
 use detection::Detection;
+use spring_history::SpringHistory;
 
 /// Where the contact point comes from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,6 +80,8 @@ pub(crate) struct Settings<const D: usize> {
     pub sign: ContactSign,
     /// T_est per axis in s; 0 for ideal force measurement.
     pub wrench_time_constant: SVector<f64, D>,
+    /// By how much later f̂ shows the force, besides.
+    pub wrench_dead_time: Span,
 }
 
 /// The belief as a record keeps it.
@@ -100,6 +105,7 @@ pub(crate) struct Belief<const D: usize> {
     contact: Contact<D>,
     detection: Detection,
     expected: Expected,
+    springs: SpringHistory,
 }
 
 impl<const D: usize> Belief<D> {
@@ -111,6 +117,7 @@ impl<const D: usize> Belief<D> {
             contact: Contact::none(),
             detection: Detection::new(),
             expected: Expected::nothing(),
+            springs: SpringHistory::empty(),
             settings,
         }
     }
@@ -122,17 +129,19 @@ impl<const D: usize> Belief<D> {
         self.surface.contact.position = snapshot.contact_point;
         self.detection = Detection::with_uncertainty(snapshot.uncertainty);
         self.expected = snapshot.expected;
+        self.springs.push(snapshot.expected.stamp, snapshot.expected.spring);
         self
     }
 
     /// Takes over the state of `old`, with these settings: a configured contact point replaces the
     /// old one.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, signs: _, surface, contact, detection, expected } = old;
+        let Self { settings: _, signs: _, surface, contact, detection, expected, springs } = old;
         if self.settings.contact_point != ContactPoint::Configured {
             self.surface.contact = surface.contact;
         }
         (self.contact, self.detection, self.expected) = (*contact, *detection, *expected);
+        self.springs = *springs;
     }
 
     /// Which axes feel a force above β.
@@ -158,10 +167,12 @@ impl<const D: usize> Belief<D> {
         }
         let pressing = self.surface.pressing_force(&sample.wrench);
         let spring = self.surface.spring_force(sample.posture.pose());
+        self.springs.push(sample.stamp, spring.max(0.0));
+        let shown = self.springs.at(sample.stamp - self.settings.wrench_dead_time);
         if self.contact.is_any() || *contact_point == ContactPoint::Configured {
-            self.expected.follow(sample.stamp, spring.max(0.0), lag);
+            self.expected.follow(sample.stamp, shown, lag);
         } else {
-            self.expected.begin(sample.stamp, spring.max(0.0), pressing);
+            self.expected.begin(sample.stamp, shown, pressing);
         }
         if doubted && self.contact.is_any() {
             self.trust_force(pressing, spring);
@@ -175,7 +186,24 @@ impl<const D: usize> Belief<D> {
         // At least what f̂ shows, which lags behind; plus what it shows beyond the expected force.
         let missing = if pressing > spring { pressing - spring } else { pressing - self.expected.pressing };
         self.surface.raise(missing / self.surface.normal_stiffness());
+        self.springs.raise(missing);
         (self.expected.pressing, self.expected.spring) = (pressing, spring + missing);
+    }
+
+    /// f̂ in N and N·m as it will be when it shows the force until `now`, from the `wrench` that it
+    /// shows now, by the surface as it is believed to be.
+    pub(crate) fn wrench_ahead(&self, wrench: &SVector<f64, D>, now: Instant) -> SVector<f64, D> {
+        let dead_time = self.settings.wrench_dead_time;
+        if dead_time == Span::default() {
+            return *wrench;
+        }
+        let along = &self.surface.normal;
+        SVector::from_fn(|axis, _| {
+            let lag = self.settings.wrench_time_constant[axis];
+            // Of the estimate the part that will have faded is replaced by what the spring did.
+            let left = if lag > 0.0 { libm::exp(-dead_time.seconds() / lag) } else { 0.0 };
+            left * wrench[axis] - along[axis] * self.springs.ahead(0.0, now, dead_time, lag)
+        })
     }
 
     /// Takes every axis out of contact: for an arm that is not under control.

@@ -71,7 +71,8 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
     /// the commands that are under way.
     pub(super) fn at_action(&self, settings: &Settings<N, D>, bounds: &ForceBounds<D>) -> Start<N, D> {
         let (sample, loops) = (self.sample, &settings.loops);
-        let mut state = State::moving(sample.joint_position, self.joints.velocity, sample.wrench);
+        let wrench = self.belief.wrench_ahead(&sample.wrench, sample.stamp);
+        let mut state = State::moving(sample.joint_position, self.joints.velocity, wrench);
         state.joint_acceleration = self.joints.acceleration;
         let mut start = Start { state, delay: 0.0, verdict: None };
         let delay = settings.timing.command_delay + Span::from_seconds(loops.common_dead_time());

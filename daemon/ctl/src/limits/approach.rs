@@ -114,7 +114,10 @@ impl Approach {
                 // Any; there is no friction.
                 slip_velocity_m_s: 0.001,
             }),
-            wrench: WrenchSection { time_constant_s: config.contact.wrench_time_constant_s.clone(), delay_s: 0.0 },
+            wrench: WrenchSection {
+                time_constant_s: config.contact.wrench_time_constant_s.clone(),
+                delay_s: config.contact.wrench_dead_time_s,
+            },
             sensor: None,
             noise: NoiseSection { wrench: 0.0, joint_position_rad: 0.0, joint_velocity_rad_s: 0.0, seed: 1 },
             motion: vec![MotionSection {

@@ -51,6 +51,9 @@ config_section! {
         minimum_force: Vec<f64>, unit "N, N m", range 0.0..=1e4, length 2..=6;
         /// Time constant of the wrench estimate T_est (6); 0 for a sensor without lag.
         wrench_time_constant_s: Vec<f64>, unit "s", range 0.0..=0.5, length 2..=6;
+        /// By how much later the wrench estimate shows the force, besides that lag: transport, a
+        /// filter that delays. Not with environment.contact = "detected".
+        wrench_dead_time_s: f64 = 0.0, unit "s", range 0.0..=0.1;
         /// Force along the inward normal that the cost aims at: f_ref of the set point.
         normal_force_reference_n: f64 = 0.0, unit "N", range 0.0..=1e5;
         /// Where the sign of a contact comes from.

@@ -133,6 +133,7 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
         errors.push(ConfigError::new("control.command_delay_s", delayed, accepted));
     }
     check_velocity_loop(config, errors);
+    check_wrench_dead_time(config, errors);
     // What the deadband hides must be released already: hysteresis and limits see the whole force.
     let releases = config.wrench.deadband.iter().flatten().zip(&config.contact.release_threshold);
     for (axis, (deadband, release)) in releases.enumerate().filter(|(_, (deadband, release))| deadband > release) {
@@ -141,6 +142,18 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     }
     if !config.contact.admittance_axes.contains(&true) {
         errors.push(ConfigError::new("contact.admittance_axes", "all false", "at least one true"));
+    }
+}
+
+/// What the belief can have of a wrench that comes late.
+fn check_wrench_dead_time(config: &Config, errors: &mut Vec<ConfigError>) {
+    let (found, sampling_time) = (config.contact.wrench_dead_time_s, config.control.sampling_time_s);
+    let mut wants = |accepted: String| errors.push(ConfigError::new("contact.wrench_dead_time_s", found, accepted));
+    if found > MAX_DELAY_CYCLES * sampling_time {
+        wants(format!("at most {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s"));
+    }
+    if found > 0.0 && config.environment.contact == ContactPointName::Detected {
+        wants("0 with environment.contact = \"detected\"".to_owned());
     }
 }
 
