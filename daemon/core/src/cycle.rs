@@ -1,6 +1,7 @@
 //! One cycle, one screen: intake → belief → supervisor → mpc → output.
 
 use admittance_vocabulary::{ModeName, Source};
+use nalgebra::{SVector, Vector6};
 
 use crate::belief::{Belief, Snapshot};
 use crate::cycle_output::{Counters, CycleOutput, Outcome};
@@ -47,6 +48,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     #[must_use]
     pub fn believing(mut self, snapshot: &Snapshot) -> Self {
         self.belief = self.belief.with_snapshot(snapshot);
+        self
+    }
+
+    /// The same, starting from a recorded [`Self::tool_acceleration`], likewise.
+    #[must_use]
+    pub fn feeling(mut self, tool_acceleration: &Vector6<f64>) -> Self {
+        self.intake = self.intake.with_tool_acceleration(tool_acceleration);
         self
     }
 
@@ -187,6 +195,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// The belief about the surface.
     pub fn belief(&self) -> Snapshot {
         self.belief.snapshot()
+    }
+
+    /// What the wrench shows of the acceleration of the tool's centre of gravity, on the task axes: what
+    /// a tool of 1 kg adds to it, in m/s² and m²/s².
+    pub fn tool_acceleration(&self) -> &SVector<f64, D> {
+        self.intake.tool_acceleration()
     }
 
     /// Running counts.
