@@ -189,4 +189,24 @@ mod tests {
         // A tenth of the release threshold is nothing.
         assert!(bias(|index| index as f64 * 0.001, SAMPLES).is_ok());
     }
+
+    #[test]
+    fn what_accelerates_the_tool_is_no_bias() {
+        let mut config = config();
+        config.wrench.tool_mass_kg = 3.0;
+        // Brought to speed and on: a mean force that is no bias, and a drift that is none either.
+        let acceleration = |index: usize| if index < 80 { 2.0 } else { 0.0 };
+        let tared = |tells: f64| {
+            let mut free = FreeSamples::default();
+            for index in 0..SAMPLES {
+                let mut record = record(index, 2.5 + 3.0 * acceleration(index));
+                record.tool_acceleration[1] = tells * acceleration(index);
+                free.cycle(&record);
+            }
+            free.bias(&config)
+        };
+        let found = tared(1.0).expect("nothing else moves");
+        assert!((found[1] - 2.5).abs() < 1e-12, "{found:?}");
+        assert!(tared(0.0).is_err_and(|why| why.contains("the wrench is moving")));
+    }
 }

@@ -111,10 +111,8 @@ fn both_processes_press_and_slide_in_real_time() {
 /// Turned and moved in the air: forces and torques of a tool of 3 kg on a sensor at the flange.
 #[test]
 fn a_tool_that_is_swung_in_the_air_is_not_felt_on_any_axis() {
-    let mut experiment = experiment([true; 6], 0.0).with_motion(&[
-        (0.08, &[0.2, -0.1, 0.1, 0.3, -0.4, 0.5]),
-        (0.08, &[-0.1, 0.2, 0.1, -0.6, 0.2, 0.1]),
-    ]);
+    let mut experiment = experiment([true; 6], 0.0)
+        .with_motion(&[(0.08, &[0.2, -0.1, 0.1, 0.3, -0.4, 0.5]), (0.08, &[-0.1, 0.2, 0.1, -0.6, 0.2, 0.1])]);
     experiment.scenario.surface = None;
     experiment.scenario.start.contact_time_s = None;
     let wrench = &mut experiment.config.wrench;

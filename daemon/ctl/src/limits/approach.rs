@@ -144,9 +144,9 @@ fn sensor(told: &WrenchConditioning) -> Option<SensorSection> {
         gravity_m_s2: told.gravity_m_s2,
         range: told.saturation,
     };
-    // Without any of it the estimate is given as it is.
+    // Without any of it the estimate is given as it is; a sample at the end of the range is not used.
     let is_plain = sensor.in_base_axes && !sensor.reports_reaction && sensor.bias == [0.0; 6];
-    (!is_plain || sensor.tool_mass_kg > 0.0 || sensor.range.is_some()).then_some(sensor)
+    (!is_plain || sensor.tool_mass_kg > 0.0).then_some(sensor)
 }
 
 fn direction_of(config: &Config, normal: [f64; 3], direction: Option<&[f64]>) -> Result<[f64; 3], String> {
