@@ -65,3 +65,19 @@ fn a_heavy_tool_touches_and_presses_as_without_its_inertia() {
         assert!(unaware >= 6, "{unaware} of 8 at {speed} m/s and {sampling_time} s");
     }
 }
+
+#[test]
+fn a_heavy_tool_that_halts_on_its_way_is_neither_a_touch_nor_a_pull() {
+    for (sampling_time, lag) in [(0.004, 0.02), (0.001, 0.02), (0.004, 0.005), (0.004, 0.0)] {
+        // Where the sensor shows a jump of the acceleration at once, half a cycle of it is left.
+        let speed = if lag > 0.0 { 0.25 } else { 0.1 };
+        let down = [0.0, -speed];
+        let experiment = experiment(sampling_time, speed).with_wrench_lag(lag);
+        experiment.with_motion(&[(0.1, &down), (0.04, &[0.0, 0.0]), (0.8, &down)]).at_instants(4, |share, run| {
+            let what = format!("{sampling_time} s, T_est {lag} s, contact at {share}");
+            assert!(run.touched() && !is_early(run), "{what}: a touch is felt in the air");
+            assert_eq!((run.stop_reason(), run.losses()), (None, 0), "{what}");
+            assert!(run.peak(1) <= MOST, "{what}: peak {} N", run.peak(1));
+        });
+    }
+}
