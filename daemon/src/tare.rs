@@ -1,4 +1,5 @@
-//! Taring: the bias of the wrench from the last samples in free motion, without the tool's weight.
+//! Taring: the bias of the wrench from the last samples in free motion, without the tool's weight and
+//! inertia.
 
 use std::collections::VecDeque;
 
@@ -24,7 +25,14 @@ const NEGLIGIBLE: f64 = 0.1;
 
 /// The last samples in a row that the law was given in free motion.
 #[derive(Debug, Default)]
-pub(crate) struct FreeSamples(VecDeque<StateSample>);
+pub(crate) struct FreeSamples(VecDeque<FreeSample>);
+
+#[derive(Debug, Clone, Copy)]
+struct FreeSample {
+    state: StateSample,
+    /// What a tool of 1 kg added to the wrench, in m/s² and m²/s².
+    tool_acceleration: Vector6<f64>,
+}
 
 impl FreeSamples {
     /// Takes note of a cycle.
@@ -37,7 +45,7 @@ impl FreeSamples {
         if self.0.len() == SAMPLES {
             self.0.pop_front();
         }
-        self.0.push_back(record.state);
+        self.0.push_back(FreeSample { state: record.state, tool_acceleration: record.tool_acceleration.into() });
     }
 
     /// The bias that they speak of, the one in force replaced.
@@ -55,22 +63,28 @@ impl FreeSamples {
     }
 }
 
-/// Mean of what is given beside the tool's weight.
+/// Mean of what is given beside the tool's weight and inertia.
 ///
 /// # Errors
 /// A sentence when the wrench moves by more than its noise.
-fn bias_of(config: &Config, samples: &[StateSample]) -> Result<[f64; TASK_AXES], String> {
+fn bias_of(config: &Config, samples: &[FreeSample]) -> Result<[f64; TASK_AXES], String> {
     // The deadband would hide the bias.
     let wrench = WrenchSection { deadband: None, ..config.wrench.clone() };
     let conditioning: Conditioning<TASK_AXES> =
         parameters::conditioning(&wrench).ok_or("[wrench] does not describe a sensor")?;
     let orientations: Vec<Matrix3<f64>> = samples
         .iter()
-        .map(|state| orientation(&config.robot, state).ok_or("the configuration describes no arm that is known"))
+        .map(|sample| {
+            orientation(&config.robot, &sample.state).ok_or("the configuration describes no arm that is known")
+        })
         .collect::<Result<_, _>>()?;
-    let wrenches = || samples.iter().map(|state| GivenWrench(state.wrench.into())).zip(&orientations);
-    let felt: Vec<Vector6<f64>> =
-        wrenches().map(|(given, orientation)| conditioning.without_deadband(&given, orientation).0).collect();
+    let wrenches = || {
+        let given = |sample: &FreeSample| (GivenWrench(sample.state.wrench.into()), sample.tool_acceleration);
+        samples.iter().map(given).zip(&orientations)
+    };
+    let felt: Vec<Vector6<f64>> = wrenches()
+        .map(|((given, acceleration), orientation)| conditioning.wrench(&given, orientation, &acceleration))
+        .collect();
     let axes = (config.robot.task_axes as usize).min(TASK_AXES);
     for axis in 0..axes {
         let (drift, noise) = drift(felt.iter().map(|wrench| wrench[axis]));
@@ -84,7 +98,9 @@ fn bias_of(config: &Config, samples: &[StateSample]) -> Result<[f64; TASK_AXES],
             ));
         }
     }
-    let sum: Vector6<f64> = wrenches().map(|(given, orientation)| given.0 - conditioning.unloaded(orientation).0).sum();
+    let sum: Vector6<f64> = wrenches()
+        .map(|((given, acceleration), orientation)| given.0 - conditioning.unloaded(orientation, &acceleration).0)
+        .sum();
     let mut bias: [f64; TASK_AXES] = (sum / samples.len() as f64).into();
     // In the base frame the axes that the arm does not control have no reading.
     if config.wrench.given_in == GivenInName::Base {
@@ -172,5 +188,25 @@ mod tests {
         assert!(why.contains("the wrench is moving: on y its mean went by 1.00 N"), "{why}");
         // A tenth of the release threshold is nothing.
         assert!(bias(|index| index as f64 * 0.001, SAMPLES).is_ok());
+    }
+
+    #[test]
+    fn what_accelerates_the_tool_is_no_bias() {
+        let mut config = config();
+        config.wrench.tool_mass_kg = 3.0;
+        // Brought to speed and on: a mean force that is no bias, and a drift that is none either.
+        let acceleration = |index: usize| if index < 80 { 2.0 } else { 0.0 };
+        let tared = |tells: f64| {
+            let mut free = FreeSamples::default();
+            for index in 0..SAMPLES {
+                let mut record = record(index, 2.5 + 3.0 * acceleration(index));
+                record.tool_acceleration[1] = tells * acceleration(index);
+                free.cycle(&record);
+            }
+            free.bias(&config)
+        };
+        let found = tared(1.0).expect("nothing else moves");
+        assert!((found[1] - 2.5).abs() < 1e-12, "{found:?}");
+        assert!(tared(0.0).is_err_and(|why| why.contains("the wrench is moving")));
     }
 }

@@ -7,7 +7,9 @@
 
 use nalgebra::Vector3;
 
-/// A plane with a one-sided spring, an optional damper and optional Coulomb friction.
+use crate::maxwell::{Creep, Maxwell};
+
+/// A plane with a one-sided spring, an optional damper, optional creep and optional Coulomb friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
     /// A point of the undeformed plane in the base frame, in m.
@@ -18,6 +20,8 @@ pub struct Surface {
     pub stiffness: f64,
     /// Damping along the normal in N s/m.
     pub damping: f64,
+    /// What makes it creep, if anything.
+    pub maxwell: Option<Maxwell>,
     /// Coulomb friction coefficient, 0 = none.
     pub friction: f64,
     /// Sliding speed in m/s at which friction reaches 1/√2 of its full value: it makes Coulomb's
@@ -30,6 +34,8 @@ pub struct Surface {
 pub struct Contact {
     /// Depth of the TCP below the undeformed plane in m; negative is a gap.
     pub penetration: f64,
+    /// Whether the TCP touches the surface, which may not yet be back where it was.
+    pub touches: bool,
     /// Force along the inward normal in N, never negative.
     pub normal_force: f64,
     /// Force that the robot exerts on the environment in N, base frame. It has no moment about the
@@ -40,7 +46,7 @@ pub struct Contact {
 impl Contact {
     /// No contact, this far below the surface (negative: above it).
     pub fn none(penetration: f64) -> Self {
-        Self { penetration, normal_force: 0.0, force: Vector3::zeros() }
+        Self { penetration, touches: false, normal_force: 0.0, force: Vector3::zeros() }
     }
 }
 
@@ -66,21 +72,31 @@ impl Surface {
         self.damping > 0.0 || self.friction > 0.0
     }
 
+    /// The creep when the TCP has gone to `position` (m) in a straight line for `duration_s`.
+    #[must_use]
+    pub fn crept(&self, creep: &Creep, position: &Vector3<f64>, duration_s: f64) -> Creep {
+        self.maxwell
+            .map_or(*creep, |maxwell| maxwell.advanced(self.stiffness, creep, self.penetration(position), duration_s))
+    }
+
     /// The contact of a TCP at `position` (m) that moves with `velocity` (m/s): f_n = max(0, k δ +
     /// d δ̇) while δ > 0, and friction μ f_n along the sliding direction (the robot drags the
-    /// environment along).
-    pub fn contact(&self, position: &Vector3<f64>, velocity: &Vector3<f64>) -> Contact {
+    /// environment along). A surface that creeps adds k₁ (δ − s), while it is touched where it is.
+    pub fn contact(&self, position: &Vector3<f64>, velocity: &Vector3<f64>, creep: &Creep) -> Contact {
         let penetration = self.penetration(position);
-        if penetration <= 0.0 {
+        let free = self.maxwell.map_or(0.0, |maxwell| maxwell.free_depth(self.stiffness, creep));
+        if penetration <= free {
             return Contact::none(penetration);
         }
-        let normal_force = (self.stiffness * penetration - self.damping * self.normal.dot(velocity)).max(0.0);
+        let creeping = self.maxwell.map_or(0.0, |maxwell| maxwell.stiffness * (penetration - creep.extension));
+        let spring = self.stiffness * penetration + creeping;
+        let normal_force = (spring - self.damping * self.normal.dot(velocity)).max(0.0);
         let mut force = self.normal * -normal_force;
         if self.friction > 0.0 {
             let sliding = self.tangential(velocity);
             force += sliding * (self.friction * normal_force / sliding.norm().hypot(self.slip_velocity));
         }
-        Contact { penetration, normal_force, force }
+        Contact { penetration, touches: true, normal_force, force }
     }
 }
 
@@ -94,6 +110,7 @@ mod tests {
             normal: planar_normal(25f64.to_radians()),
             stiffness: 1e5,
             damping: 0.0,
+            maxwell: None,
             friction: 0.0,
             slip_velocity: 1e-3,
         }
@@ -106,7 +123,7 @@ mod tests {
         let t = nalgebra::Matrix2::new(cosine, -sine, sine, cosine);
         let k = t.transpose() * nalgebra::Matrix2::new(0.0, 0.0, 0.0, 1e5) * t;
         let offset = Vector3::new(0.0004, -0.0011, 0.0);
-        let contact = surface().contact(&(surface().point + offset), &Vector3::zeros());
+        let contact = surface().contact(&(surface().point + offset), &Vector3::zeros(), &Creep::default());
         let expected = k * offset.xy();
         assert!((contact.force.xy() - expected).norm() < 1e-9, "{} {expected}", contact.force);
         assert!(contact.force.y < 0.0, "pushing down on a floor is a negative y force");
@@ -124,7 +141,7 @@ mod tests {
             let phase = std::f64::consts::TAU * f64::from(index) / f64::from(steps);
             let depth = 0.002 * phase.sin();
             let velocity = surface.normal * (-0.002 * phase.cos()) + Vector3::new(0.0, 0.0, 0.003 * phase.sin());
-            let contact = surface.contact(&(surface.point - surface.normal * depth), &velocity);
+            let contact = surface.contact(&(surface.point - surface.normal * depth), &velocity, &Creep::default());
             assert!(contact.normal_force >= 0.0);
             assert!(contact.force.dot(&surface.normal) <= 0.0, "a pull at depth {depth}");
             work += contact.force.dot(&velocity) * std::f64::consts::TAU / f64::from(steps);
@@ -138,11 +155,11 @@ mod tests {
         let surface = Surface { friction: 0.3, ..surface() };
         let sliding = Vector3::new(surface.normal.y, -surface.normal.x, 0.0) * 0.1;
         let inside = surface.point - surface.normal * 0.001;
-        let contact = surface.contact(&inside, &sliding);
+        let contact = surface.contact(&inside, &sliding, &Creep::default());
         let along = contact.force.dot(&sliding.normalize());
         assert!((along / contact.normal_force - 0.3).abs() < 1e-4, "friction {along} N");
         assert!((contact.force.dot(&surface.normal) + contact.normal_force).abs() < 1e-9);
-        let slow = surface.contact(&inside, &(sliding * 1e-6));
+        let slow = surface.contact(&inside, &(sliding * 1e-6), &Creep::default());
         assert!(slow.force.dot(&sliding.normalize()) < 0.01, "no jump at zero speed");
     }
 }

@@ -97,6 +97,14 @@ impl<const N: usize> JointLoop<N> {
         }
     }
 
+    /// Joint accelerations in rad/s² under a velocity reference in rad/s.
+    pub fn acceleration(&self, state: &JointState<N>, reference: &SVector<f64, N>) -> SVector<f64, N> {
+        SVector::from_fn(|joint, _| match self.loops[joint] {
+            Order::First { time_constant_s } => (reference[joint] - state.velocity[joint]) / time_constant_s,
+            Order::Second { .. } => state.acceleration[joint],
+        })
+    }
+
     /// Speeds in rad/s that the joints do not exceed while the reference stays.
     pub fn most_speed(&self, state: &JointState<N>, reference: &SVector<f64, N>) -> SVector<f64, N> {
         SVector::from_fn(|joint, _| match self.loops[joint] {

@@ -10,6 +10,7 @@ mod args;
 pub mod environment;
 pub mod faults;
 pub mod joint_loop;
+pub mod maxwell;
 pub mod motion;
 pub mod noise;
 pub mod plant;
@@ -19,6 +20,7 @@ pub mod scenario;
 pub mod setup;
 mod shell;
 pub mod summary;
+pub mod tool_inertia;
 pub mod wrench_estimate;
 pub mod wrench_sensor;
 

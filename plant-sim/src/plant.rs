@@ -5,6 +5,7 @@
 mod dead_time;
 mod measurement;
 mod parameters;
+mod substep;
 
 pub use measurement::CycleTiming;
 pub use parameters::PlantParameters;
@@ -15,6 +16,7 @@ use measurement::Peaks;
 use crate::environment::{Contact, Surface};
 use crate::faults::FaultKind;
 use crate::joint_loop::{JointState, JointStep};
+use crate::maxwell::Creep;
 use crate::motion::{MINIMUM_RECIPROCAL_CONDITION, advance_reference};
 use crate::wrench_estimate::{DelayLine, EstimateStep};
 use admittance_client::{Applied, Playback, Reception, Rejection};
@@ -51,7 +53,10 @@ pub struct Plant<const N: usize, const D: usize> {
     dead_time: DeadTime<N>,
     position_reference: SVector<f64, N>,
     kinematics: Kinematics<N>,
+    creep: Creep,
     contact: Contact,
+    /// Wrench on the task axes that accelerates the tool, N and N m.
+    tool_inertia: SVector<f64, D>,
     touched: bool,
     contact_losses: u32,
     peaks: Peaks,
@@ -63,7 +68,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     /// The plant at its first sample.
     pub fn new(parameters: PlantParameters<N, D>) -> Self {
         let kinematics = parameters.chain.kinematics(&parameters.start);
-        let contact = contact_of(parameters.surface.as_ref(), &kinematics, &SVector::zeros());
+        let creep = Creep::default();
+        let contact = contact_of(parameters.surface.as_ref(), &kinematics, &SVector::zeros(), &creep);
         let substeps = parameters.wrench_delay_ns / parameters.substep_ns.max(1);
         let cycles = parameters.wrench_delay_ns / parameters.sampling_time_ns + 1;
         // Besides the substeps, each plan step and each command ends an interval.
@@ -83,8 +89,10 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             dead_time: DeadTime::new(parameters.dead_time_ns, changes as usize),
             position_reference: parameters.start,
             kinematics,
+            creep,
             contact,
-            touched: contact.penetration > 0.0,
+            tool_inertia: SVector::zeros(),
+            touched: contact.touches,
             contact_losses: 0,
             peaks: Peaks::of(&contact),
             singular: false,
@@ -262,41 +270,6 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             self.substep(next_ns - self.now_ns, reference);
         }
     }
-
-    /// Whether the TCP cannot reach the surface in this time, so that a single step is exact: a
-    /// bound from joint speeds.
-    fn stays_free(&self, duration_ns: u64, reference: &SVector<f64, N>) -> bool {
-        if self.parameters.surface.is_none() {
-            return true;
-        }
-        if !self.delay_line.is_none() && !self.parameters.estimate.is_zero() {
-            return false;
-        }
-        let speed = self.parameters.joints.most_speed(&self.joints, reference);
-        self.contact.penetration + speed.dot(&self.reach) * seconds(duration_ns) < 0.0
-    }
-
-    fn substep(&mut self, duration_ns: u64, reference: &SVector<f64, N>) {
-        let step = if duration_ns == self.usual_substep.duration_ns {
-            self.usual_substep
-        } else {
-            substep_of(&self.parameters, duration_ns)
-        };
-        step.joints.advance(&mut self.joints, reference);
-        self.now_ns += duration_ns;
-        self.kinematics = self.parameters.chain.kinematics(&self.joints.position);
-        self.contact = contact_of(self.parameters.surface.as_ref(), &self.kinematics, &self.joints.velocity);
-        self.reported_velocity += (self.joints.velocity - self.reported_velocity) * step.velocity_share;
-        self.peaks.add(&self.contact);
-        let touches = self.contact.penetration > 0.0;
-        self.contact_losses += u32::from(self.touched && !touches);
-        self.touched = touches;
-        let truth = SVector::from_fn(|axis, _| if axis < 3 { self.contact.force[axis] } else { 0.0 });
-        self.parameters.estimate.advance(&step.estimate, &truth);
-        if !self.delay_line.is_none() {
-            self.delay_line.push(self.now_ns, self.parameters.estimate.estimate());
-        }
-    }
 }
 
 /// The gap that the truth shows where there is no surface: finite, as its contract says, and beyond
@@ -322,6 +295,7 @@ fn contact_of<const N: usize>(
     surface: Option<&Surface>,
     kinematics: &Kinematics<N>,
     velocity: &SVector<f64, N>,
+    creep: &Creep,
 ) -> Contact {
     let Some(surface) = surface else { return Contact::none(-NO_SURFACE_GAP_M) };
     let tcp_velocity = if surface.needs_velocity() {
@@ -329,7 +303,7 @@ fn contact_of<const N: usize>(
     } else {
         Vector3::zeros()
     };
-    surface.contact(&kinematics.pose.position, &tcp_velocity)
+    surface.contact(&kinematics.pose.position, &tcp_velocity, creep)
 }
 
 /// Upper bound of the TCP's distance from each joint's axis: the length of everything after the

@@ -57,6 +57,12 @@ config_section! {
         stiffness_n_m: f64, unit "N/m", range 100.0..=1e8;
         /// Damping along the normal.
         damping_n_s_m: f64 = 0.0, unit "N s/m", range 0.0..=1e5;
+        /// Stiffness of a spring beside the first, in series with a damper: a Maxwell element, with
+        /// which the surface creeps. None when absent.
+        maxwell_stiffness_n_m: Option<f64>, unit "N/m", range 100.0..=1e8;
+        /// Time in which a force held by the Maxwell element falls to 37 %: its damping over its
+        /// stiffness.
+        maxwell_relaxation_time_s: f64 = 0.01, unit "s", range 0.0001..=10.0;
         /// Coulomb friction coefficient.
         friction: f64 = 0.0, unit "1", range 0.0..=2.0;
         /// Sliding speed at which friction reaches 1/√2 of its full value.
@@ -90,11 +96,13 @@ config_section! {
         origin_m: [f64; 3] = [0.0, 0.0, 0.0], unit "m", range -2.0..=2.0;
         /// Its orientation in the frame of the TCP: fixed-axis roll, pitch, yaw.
         rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;
+        /// Whether the controller gives its readings in the axes of the base frame, about the TCP.
+        in_base_axes: bool = false;
         /// Whether it reports what tool and environment exert on the robot.
         reports_reaction: bool = false;
         /// Reading without any load: forces x y z, then torques.
         bias: [f64; 6] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], unit "N, N m", range -1e4..=1e4;
-        /// Mass of the tool.
+        /// Mass of the tool: the sensor feels its weight, and its inertia as a point mass.
         tool_mass_kg: f64 = 0.0, unit "kg", range 0.0..=500.0;
         /// Its centre of gravity in the frame of the TCP.
         tool_center_of_gravity_m: [f64; 3] = [0.0, 0.0, 0.0], unit "m", range -2.0..=2.0;

@@ -8,6 +8,7 @@ use nalgebra::{SVector, Vector3};
 use crate::environment::Surface;
 use crate::faults::{Fault, Faults};
 use crate::joint_loop::JointLoop;
+use crate::maxwell::Maxwell;
 use crate::motion::{CommandedMotion, MINIMUM_RECIPROCAL_CONDITION};
 use crate::noise::{Noise, NoiseLevels};
 use crate::plant::{Plant, PlantParameters};
@@ -99,6 +100,9 @@ pub fn plant<const N: usize, const D: usize>(
             normal: Vector3::from(surface.normal).normalize(),
             stiffness: surface.stiffness_n_m,
             damping: surface.damping_n_s_m,
+            maxwell: surface
+                .maxwell_stiffness_n_m
+                .map(|stiffness| Maxwell { stiffness, relaxation_time: surface.maxwell_relaxation_time_s }),
             friction: surface.friction,
             slip_velocity: surface.slip_velocity_m_s,
         }),
@@ -191,6 +195,7 @@ fn free_position<const N: usize, const D: usize>(
     let mut plant = Plant::new(PlantParameters {
         start,
         surface: None,
+        sensor: None,
         settle_samples: 0,
         wait_for_command: false,
         faults: Faults::default(),

@@ -46,6 +46,11 @@ impl<const D: usize> WrenchEstimate<D> {
         self.truth = *truth;
     }
 
+    /// Lets the true wrench jump by so much at this instant.
+    pub fn jump(&mut self, by: &SVector<f64, D>) {
+        self.truth += by;
+    }
+
     /// f̂ in N and N m.
     pub fn estimate(&self) -> &SVector<f64, D> {
         &self.estimate

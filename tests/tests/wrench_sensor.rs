@@ -55,14 +55,16 @@ fn compensated_the_contact_is_the_same_in_virtual_time() {
     let sensed = virtual_contact(&[("sensor", SENSOR)], &[("wrench", COMPENSATION)]);
     assert!(plain.touched() && plain.stop_reason().is_none());
     assert_eq!(plain.instants.len(), sensed.instants.len());
+    let (mut differs, mut accelerated) = (0.0_f64, 0.0_f64);
     for (plain, sensed) in plain.instants.iter().zip(&sensed.instants) {
         let (force, compensated) = (plain.truth.normal_force_n, sensed.truth.normal_force_n);
-        assert!((force - compensated).abs() < 1e-3, "{compensated} N instead of {force} N at {} s", plain.time());
-        for axis in 0..2 {
-            let difference = (plain.report.wrench[axis] - sensed.report.wrench[axis]).abs();
-            assert!(difference < 1e-3, "the law saw {difference} N more on axis {axis}");
-        }
+        let felt = (0..2).map(|axis| (plain.report.wrench[axis] - sensed.report.wrench[axis]).abs());
+        differs = felt.chain([(force - compensated).abs()]).fold(differs, f64::max);
+        accelerated = accelerated.max((2.0 * sensed.tool_acceleration[0]).hypot(2.0 * sensed.tool_acceleration[1]));
     }
+    println!("{differs} N are left of {accelerated} N that accelerate the tool");
+    // The velocity between two samples is taken to be a straight line.
+    assert!(accelerated > 20.0 && differs < 0.01 * accelerated, "{differs} N of {accelerated} N");
     // Every part of it is needed.
     let wrong = [
         ("sign = \"reaction\", ", ""),

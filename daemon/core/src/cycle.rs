@@ -1,6 +1,7 @@
 //! One cycle, one screen: intake → belief → supervisor → mpc → output.
 
 use admittance_vocabulary::{ModeName, Source};
+use nalgebra::{SVector, Vector6};
 
 use crate::belief::{Belief, JointMotion, JointObserver, Snapshot};
 use crate::cycle_output::{Counters, CycleOutput, Outcome};
@@ -52,9 +53,18 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self
     }
 
-    /// Goes on from a recorded motion of the joints at the last sample: for a replay that begins there.
-    pub fn resume_joints(&mut self, motion: &JointMotion<N>) {
-        self.joints.resume(motion);
+    /// The same, starting from a recorded [`Self::joint_motion`], which is that of the first sample.
+    #[must_use]
+    pub fn moving(mut self, motion: &JointMotion<N>) -> Self {
+        self.joints = self.joints.resuming(motion);
+        self
+    }
+
+    /// The same, starting from a recorded [`Self::tool_acceleration`], likewise.
+    #[must_use]
+    pub fn feeling(mut self, tool_acceleration: &Vector6<f64>) -> Self {
+        self.intake = self.intake.with_tool_acceleration(tool_acceleration);
+        self
     }
 
     /// Takes over the state of `old`, but keeps this controller's parameters.
@@ -193,9 +203,20 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self.supervisor.mode().name()
     }
 
+    /// How the joints moved at the last sample.
+    pub fn joint_motion(&self) -> &JointMotion<N> {
+        self.joints.motion()
+    }
+
     /// The belief about the surface.
     pub fn belief(&self) -> Snapshot {
         self.belief.snapshot()
+    }
+
+    /// What the wrench shows of the acceleration of the tool's centre of gravity, on the task axes: what
+    /// a tool of 1 kg adds to it, in m/s² and m²/s².
+    pub fn tool_acceleration(&self) -> &SVector<f64, D> {
+        self.intake.tool_acceleration()
     }
 
     /// Running counts.

@@ -77,6 +77,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             chain: self.chain,
             timing: self.timing,
             conditioning: self.conditioning,
+            wrench_time_constant: self.wrench_time_constant,
             joint_speed: self.limits.joint_speed,
         }
     }

@@ -4,7 +4,7 @@
 use std::any::Any;
 
 use admittance_core::Controller;
-use admittance_core::belief::{Expected, Snapshot};
+use admittance_core::belief::{Expected, JointMotion, Snapshot};
 use admittance_core::intake::{Event, SampleFault};
 use admittance_core::mpc::{ActiveSet, QpSolver};
 use admittance_core::quantities::Instant;
@@ -12,7 +12,8 @@ use admittance_core::robot::{SUPPORTED_ARMS, Singular};
 use admittance_core::supervisor::{EnableRefused, Ending, ResetRefused};
 use admittance_core::with_arm;
 use admittance_core::{Counters, CycleOutput};
-use ipc_types::{CommandSample, Fault, Mode, RecordSample, StateSample, StopReason, TASK_AXES};
+use ipc_types::{CommandSample, Fault, MAX_JOINTS, Mode, RecordSample, StateSample, StopReason, TASK_AXES};
+use nalgebra::SVector;
 
 use crate::config::Config;
 use crate::settings::Settings;
@@ -101,6 +102,12 @@ pub trait Cycle: Send {
     /// The belief about the surface.
     fn belief(&self) -> Snapshot;
 
+    /// What the wrench shows of the tool's acceleration; see [`Controller::tool_acceleration`].
+    fn tool_acceleration(&self) -> [f64; TASK_AXES];
+
+    /// q̇ in rad/s and q̈ in rad/s² as the law sees them; see [`Controller::joint_motion`].
+    fn joint_motion(&self) -> [[f64; MAX_JOINTS]; 2];
+
     /// The values that requests may change, as they are in force.
     fn settings(&self) -> &Settings;
 
@@ -124,20 +131,35 @@ impl dyn Cycle + '_ {
         record.expected_pressing_n = belief.expected.pressing;
         record.expected_spring_n = belief.expected.spring;
         record.expected_stamp_ns = belief.expected.stamp.nanoseconds();
+        record.tool_acceleration = self.tool_acceleration();
+        [record.joint_velocity, record.joint_acceleration] = self.joint_motion();
         self.settings().write(record);
     }
 }
 
-/// The belief of a record.
-pub fn recorded_belief(record: &RecordSample) -> Snapshot {
-    Snapshot {
-        contact_point: record.contact_point.into(),
-        uncertainty: record.belief_uncertainty_n,
-        expected: Expected {
+/// What a record keeps of what the controller remembers for long.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Memory {
+    /// The belief about the surface.
+    pub belief: Snapshot,
+    /// What the wrench shows of the tool's acceleration, in m/s² and m²/s².
+    pub tool_acceleration: [f64; TASK_AXES],
+    /// q̇ in rad/s and q̈ in rad/s² as the law saw them.
+    pub joint_motion: [[f64; MAX_JOINTS]; 2],
+}
+
+impl Memory {
+    /// That of a record.
+    pub fn recorded(record: &RecordSample) -> Self {
+        let expected = Expected {
             pressing: record.expected_pressing_n,
             spring: record.expected_spring_n,
             stamp: Instant::from_nanoseconds(record.expected_stamp_ns),
-        },
+        };
+        let (contact_point, uncertainty) = (record.contact_point.into(), record.belief_uncertainty_n);
+        let belief = Snapshot { contact_point, uncertainty, expected };
+        let joint_motion = [record.joint_velocity, record.joint_acceleration];
+        Self { belief, tool_acceleration: record.tool_acceleration, joint_motion }
     }
 }
 
@@ -149,12 +171,12 @@ pub fn build(config: &Config) -> Result<Box<dyn Cycle>, String> {
     build_with(config, None, |solver| solver)
 }
 
-/// The same, starting from a belief: for a replay that begins after earlier contacts.
+/// The same, starting from a recorded memory: for a replay that begins after earlier contacts.
 ///
 /// # Errors
 /// As [`build`].
-pub fn build_believing(config: &Config, belief: &Snapshot) -> Result<Box<dyn Cycle>, String> {
-    build_with(config, Some(belief), |solver| solver)
+pub fn build_remembering(config: &Config, memory: &Memory) -> Result<Box<dyn Cycle>, String> {
+    build_with(config, Some(memory), |solver| solver)
 }
 
 /// The same with a wrapper around its solver: for measurements.
@@ -163,7 +185,7 @@ pub fn build_believing(config: &Config, belief: &Snapshot) -> Result<Box<dyn Cyc
 /// As [`build`].
 pub fn build_with<S: QpSolver + Send + 'static>(
     config: &Config,
-    belief: Option<&Snapshot>,
+    memory: Option<&Memory>,
     wrap: impl FnOnce(Solver) -> S,
 ) -> Result<Box<dyn Cycle>, String> {
     let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
@@ -175,8 +197,13 @@ pub fn build_with<S: QpSolver + Send + 'static>(
             .ok_or("the horizon is longer than the solver takes")?;
         let storage = zeros(parameters.storage_len());
         let controller = Controller::new(parameters, wrap(solver), storage).map_err(|error| error.to_string())?;
-        let controller = match belief {
-            Some(belief) => controller.believing(belief),
+        let controller = match memory {
+            Some(memory) => {
+                let [velocity, acceleration] =
+                    memory.joint_motion.map(|joints| SVector::<f64, N>::from_fn(|joint, _| joints[joint]));
+                let controller = controller.believing(&memory.belief).feeling(&memory.tool_acceleration.into());
+                controller.moving(&JointMotion { velocity, acceleration })
+            }
             None => controller,
         };
         let command_delay = parameters.timing.command_delay;
@@ -279,6 +306,15 @@ impl<const N: usize, const D: usize, S: QpSolver + Send + 'static> Cycle for Arm
 
     fn belief(&self) -> Snapshot {
         self.controller.belief()
+    }
+
+    fn tool_acceleration(&self) -> [f64; TASK_AXES] {
+        wire::padded(self.controller.tool_acceleration().as_slice())
+    }
+
+    fn joint_motion(&self) -> [[f64; MAX_JOINTS]; 2] {
+        let motion = self.controller.joint_motion();
+        [wire::padded(motion.velocity.as_slice()), wire::padded(motion.acceleration.as_slice())]
     }
 
     fn settings(&self) -> &Settings {

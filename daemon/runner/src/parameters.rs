@@ -191,6 +191,7 @@ pub fn conditioning<const D: usize>(wrench: &WrenchSection) -> Option<Conditioni
         bias: wrench.bias.into(),
         saturation: wrench.saturation.map(Into::into),
         deadband: optional(&wrench.deadband, deadband)?.unwrap_or_else(SVector::zeros),
+        tool_mass: wrench.tool_mass_kg,
         tool_weight: Vector3::from(wrench.gravity_m_s2) * wrench.tool_mass_kg,
         tool_center_of_gravity: wrench.tool_center_of_gravity_m.into(),
     })

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use admittance_core::Counters;
 use admittance_core::belief::Snapshot;
 use admittance_core::supervisor::{EnableRefused, ResetRefused};
-use ipc_types::Instance;
+use ipc_types::{Instance, TASK_AXES};
 
 use super::*;
 use crate::channel::channel;
 use crate::probe::Unobserved;
-use admittance_runner::cycle::recorded_belief;
+use admittance_runner::cycle::Memory;
 use admittance_runner::settings::Settings;
 
 /// A controller with a bug.
@@ -53,7 +53,11 @@ impl Cycle for Panics {
     }
 
     fn belief(&self) -> Snapshot {
-        recorded_belief(&RecordSample::zeroed())
+        Memory::recorded(&RecordSample::zeroed()).belief
+    }
+
+    fn tool_acceleration(&self) -> [f64; TASK_AXES] {
+        [0.0; TASK_AXES]
     }
 
     fn counters(&self) -> Counters {

@@ -3,12 +3,12 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::{CommandSample, StateSample};
-use crate::TASK_AXES;
+use crate::{MAX_JOINTS, TASK_AXES};
 
 wire_sample! {
     /// Inputs and outputs of the daemon's law: everything that a replay or an inspection of a cycle
     /// needs.
-    struct RecordSample: "admittanced.RecordSample.v2", size 2784, writer "admittanced (service thread)" {
+    struct RecordSample: "admittanced.RecordSample.v3", size 2960, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every record"]
             "Number of this record; a reader that sees a gap has lost records. Restarts at 1 with a new boot_id.";
         8 now_ns: u64 ["ns", "CLOCK_MONOTONIC, not decreasing"]
@@ -73,9 +73,17 @@ wire_sample! {
             "Force of the believed surface's spring at the pose of expected_stamp_ns.";
         344 expected_stamp_ns: u64 ["ns", "CLOCK_MONOTONIC"]
             "Stamp of the last state sample that the belief has followed; 0 = none yet.";
-        352 state: StateSample ["see StateSample", "see StateSample"]
+        352 tool_acceleration: [f64; TASK_AXES] ["m/s^2, m^2/s^2", "finite"]
+            "What the wrench shows of the acceleration of the tool's centre of gravity after this cycle: what a tool of 1 kg \
+             adds to it, at the TCP, base frame; 0 without a tool.";
+        400 joint_velocity: [f64; MAX_JOINTS] ["rad/s", "finite"]
+            "Joint velocities as the law sees them after this cycle: estimated where robot.velocity_loop says that they are \
+             reported late, or that loops are of second order.";
+        464 joint_acceleration: [f64; MAX_JOINTS] ["rad/s^2", "finite"]
+            "Joint accelerations, estimated; 0 of loops of first order.";
+        528 state: StateSample ["see StateSample", "see StateSample"]
             "The state sample that was answered; all zero without one.";
-        688 command: CommandSample ["see CommandSample", "see CommandSample"]
+        864 command: CommandSample ["see CommandSample", "see CommandSample"]
             "The last command: of Sample and Silence the one that answered, once a first state sample had come.";
     }
 }

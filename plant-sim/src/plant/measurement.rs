@@ -89,7 +89,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             answer_time_ns: timing.answer_time_ns,
             missed_commands,
             lateness_ns: timing.lateness_ns,
-            in_contact: u32::from(self.contact.penetration > 0.0),
+            in_contact: u32::from(self.contact.touches),
             contact_losses: self.contact_losses,
             motion: motion.code(),
             missed: u32::from(missed),

@@ -21,13 +21,6 @@ pub struct JointMotion<const N: usize> {
     pub acceleration: SVector<f64, N>,
 }
 
-/// What the next estimate starts from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Last<const N: usize, const D: usize> {
-    motion: JointMotion<N>,
-    sample: Accepted<N, D>,
-}
-
 /// An observer of the joints' motion.
 ///
 /// It runs the speed loops under the references that the joints were given. What the reported q̇
@@ -36,52 +29,68 @@ struct Last<const N: usize, const D: usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct JointObserver<const N: usize, const D: usize> {
     loops: VelocityLoops<N>,
-    last: Option<Last<N, D>>,
+    motion: JointMotion<N>,
+    /// The sample that this motion is of.
+    last: Option<Accepted<N, D>>,
+    /// Whether the motion of the first sample is known before it comes.
+    is_resumed: bool,
 }
 
 impl<const N: usize, const D: usize> JointObserver<N, D> {
     /// Has seen nothing.
     pub(crate) fn new(loops: VelocityLoops<N>) -> Self {
-        Self { loops, last: None }
+        let motion = JointMotion { velocity: SVector::zeros(), acceleration: SVector::zeros() };
+        Self { loops, motion, last: None, is_resumed: false }
+    }
+
+    /// Goes on from a recorded motion, which is that of the first sample to come.
+    #[must_use]
+    pub(crate) fn resuming(self, motion: &JointMotion<N>) -> Self {
+        Self { motion: *motion, is_resumed: true, ..self }
     }
 
     /// Takes over the state of `old`, with these loops.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        self.last = old.last;
+        let Self { loops: _, motion, last, is_resumed } = *old;
+        (self.motion, self.last, self.is_resumed) = (motion, last, is_resumed);
     }
 
-    /// Replaces the estimate at the last sample: for a replay that begins there.
-    pub(crate) fn resume(&mut self, motion: &JointMotion<N>) {
-        if let Some(last) = &mut self.last {
-            last.motion = *motion;
-        }
+    /// The motion at the last sample.
+    pub(crate) fn motion(&self) -> &JointMotion<N> {
+        &self.motion
     }
 
     /// The motion at `sample`, by the commands `under_way` since the sample before.
     pub(crate) fn follow(&mut self, sample: &Accepted<N, D>, under_way: &UnderWay<D>) -> JointMotion<N> {
         let reported = JointMotion { velocity: sample.joint_velocity, acceleration: SVector::zeros() };
-        if !self.loops.needs_estimate() {
-            return reported;
-        }
-        let since = self.last.filter(|last| {
-            !sample.is_new_run && sample.stamp > last.sample.stamp && sample.stamp.since(last.sample.stamp) <= LONGEST
-        });
-        let motion = since.and_then(|last| self.predict(&last, sample, under_way)).unwrap_or(reported);
-        self.last = Some(Last { motion, sample: *sample });
-        motion
+        self.motion = match &self.last {
+            _ if !self.loops.needs_estimate() => reported,
+            None if self.is_resumed => self.motion,
+            Some(last) if !sample.is_new_run && sample.stamp.since(last.stamp) <= LONGEST => {
+                self.predict(last, sample, under_way).unwrap_or(reported)
+            }
+            _ => reported,
+        };
+        self.last = Some(*sample);
+        self.motion
     }
 
     /// From the last sample on; `None` where J had no inverse.
-    fn predict(&self, last: &Last<N, D>, sample: &Accepted<N, D>, under_way: &UnderWay<D>) -> Option<JointMotion<N>> {
+    fn predict(
+        &self,
+        last: &Accepted<N, D>,
+        sample: &Accepted<N, D>,
+        under_way: &UnderWay<D>,
+    ) -> Option<JointMotion<N>> {
         let loops = &self.loops;
-        let inverse = last.sample.posture.inverse(0.0).ok()?;
+        let inverse = last.posture.inverse(0.0).ok()?;
         let reference = |offset: Option<SVector<f64, D>>| {
-            offset.map_or_else(SVector::zeros, |offset| inverse.joint_velocity(&(last.sample.twist_reference + offset)))
+            offset.map_or_else(SVector::zeros, |offset| inverse.joint_velocity(&(last.twist_reference + offset)))
         };
-        let (mut velocity, mut acceleration) = (last.motion.velocity, last.motion.acceleration);
-        let mut shown = last.sample.joint_velocity;
+        let (mut velocity, mut acceleration) = (self.motion.velocity, self.motion.acceleration);
+        let mut shown = last.joint_velocity;
         let lag = loops.report_lag;
-        for stretch in under_way.between(last.sample.stamp, sample.stamp, loops.dead_times()) {
+        for stretch in under_way.between(last.stamp, sample.stamp, loops.dead_times()) {
             let mut r = reference(stretch.offset[0]);
             for joint in 1..N {
                 if stretch.offset[joint] != stretch.offset[0] {

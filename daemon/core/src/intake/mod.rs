@@ -16,9 +16,10 @@ mod position_track;
 mod sample;
 #[cfg(test)]
 mod tests;
+mod tool_motion;
 mod wrench;
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector6};
 
 pub use order::Timing;
 pub(crate) use sample::Accepted;
@@ -29,6 +30,7 @@ use crate::quantities::{Instant, Span};
 use crate::robot::{Chain, Posture};
 use order::SampleOrder;
 use position_track::PositionTrack;
+use tool_motion::ToolMotion;
 
 /// What a cycle starts from.
 #[derive(Debug, Clone, Copy)]
@@ -48,6 +50,8 @@ pub(crate) struct Settings<const N: usize, const D: usize> {
     pub timing: Timing,
     /// How f̂ follows from what is given.
     pub conditioning: Conditioning<D>,
+    /// T_est per axis in s; 0 for ideal force measurement.
+    pub wrench_time_constant: SVector<f64, D>,
     /// Limits of the joint speeds in rad/s: a joint that moved much faster has jumped.
     pub joint_speed: Option<SVector<f64, N>>,
 }
@@ -58,6 +62,7 @@ pub(crate) struct Intake<const N: usize, const D: usize> {
     settings: Settings<N, D>,
     order: SampleOrder,
     track: PositionTrack<N>,
+    tool: ToolMotion<D>,
     last: Option<Accepted<N, D>>,
     rejected: u64,
 }
@@ -65,13 +70,27 @@ pub(crate) struct Intake<const N: usize, const D: usize> {
 impl<const N: usize, const D: usize> Intake<N, D> {
     /// A stage that has seen nothing.
     pub(crate) fn new(settings: Settings<N, D>) -> Self {
-        Self { settings, order: SampleOrder::new(), track: PositionTrack::new(), last: None, rejected: 0 }
+        let (order, track, tool) = (SampleOrder::new(), PositionTrack::new(), ToolMotion::steady());
+        Self { settings, order, track, tool, last: None, rejected: 0 }
+    }
+
+    /// Goes on from what the wrench showed of the tool's acceleration after a recorded cycle: for a
+    /// replay that begins there.
+    #[must_use]
+    pub(crate) fn with_tool_acceleration(self, acceleration: &Vector6<f64>) -> Self {
+        Self { tool: ToolMotion::feeling(acceleration), ..self }
     }
 
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, order, track, last, rejected } = old;
+        let Self { settings, order, track, tool, last, rejected } = old;
         (self.order, self.track, self.last, self.rejected) = (*order, *track, *last, *rejected);
+        // Of another tool, or through another filter, it would be another acceleration.
+        let of =
+            |settings: &Settings<N, D>| (settings.conditioning.tool_center_of_gravity, settings.wrench_time_constant);
+        if of(settings) == of(&self.settings) {
+            self.tool = *tool;
+        }
     }
 
     /// Takes an event at the time `now`.
@@ -93,14 +112,16 @@ impl<const N: usize, const D: usize> Intake<N, D> {
     }
 
     fn check(&mut self, sample: &Sample<N, D>, now: Instant) -> Result<Accepted<N, D>, SampleFault> {
-        let Settings { chain, timing, conditioning, joint_speed } = &self.settings;
+        let Settings { chain, timing, conditioning, joint_speed, .. } = &self.settings;
         sample.check_joint_count()?;
         self.order.check(sample, now, timing)?;
         sample.check_motion()?;
         let posture = Posture::new(chain, &sample.joint_position);
-        let wrench = conditioning.wrench(&sample.wrench, &posture.pose().rotation);
+        let tool = self.tool.followed(&self.settings, sample, &posture);
+        let wrench = conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt());
         sample.check_wrench(&wrench, conditioning.saturated(&sample.wrench))?;
         self.track.follow(sample, joint_speed.as_ref())?;
+        self.tool = tool;
         let is_new_run = self.order.accept(sample, timing);
         Ok(Accepted {
             stamp: sample.stamp,
@@ -119,6 +140,11 @@ impl<const N: usize, const D: usize> Intake<N, D> {
     /// The last sample that was accepted.
     pub(crate) fn last(&self) -> Option<&Accepted<N, D>> {
         self.last.as_ref()
+    }
+
+    /// What the wrench shows of the tool's acceleration on the task axes: m/s², then m²/s².
+    pub(crate) fn tool_acceleration(&self) -> &SVector<f64, D> {
+        self.tool.felt()
     }
 
     /// The time since the last accepted sample was measured; `None` before the first.

@@ -23,6 +23,11 @@ impl Timing {
         self.sampling_time * f64::from(1 + self.max_consecutive_fallbacks)
     }
 
+    /// Samples further apart than this have a pause between them, not a rate.
+    pub fn pause(&self) -> Span {
+        self.max_sample_age + self.sampling_time
+    }
+
     /// How long after the last sample its plan may stand in for an answer. Half a cycle of grace: a
     /// cycle without a sample begins later than the missing sample would have.
     pub fn bridge(&self) -> Span {
@@ -124,8 +129,7 @@ impl SampleOrder {
                     self.irregular += 1;
                 }
                 let is_even = self.spacing.replace(found).is_some_and(|before| is_close(found, before));
-                // A pause is not a rate.
-                if now.stamp.since(last.stamp) > timing.max_sample_age + timing.sampling_time {
+                if now.stamp.since(last.stamp) > timing.pause() {
                     self.block = None;
                 }
                 self.measure_rate(now, is_even);

@@ -1,6 +1,6 @@
 //! Which samples may reach the law: tests of this stage alone.
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use super::{Event, Intake, SampleFault};
 use crate::common::{at, given, parameters, pressing, pushing};
@@ -59,4 +59,82 @@ fn another_run_of_the_motion_controller_is_known_by_its_first_sample() {
         intake.take(Event::Sample(&sample), sample.stamp).expect("it is good").is_new_run
     });
     assert_eq!(is_new, [false, false, true, false]);
+}
+
+/// Where the centre of gravity `center` (m, frame of the TCP) of a tool on the planar arm is at the
+/// joint position `q`.
+fn place(q: &Vector2<f64>, center: &Vector2<f64>) -> Vector2<f64> {
+    let (lower, upper) = (q[0].sin_cos(), (q[0] + q[1]).sin_cos());
+    let (sine, cosine) = upper;
+    Vector2::new(
+        lower.1 + cosine + cosine * center.x - sine * center.y,
+        lower.0 + sine + sine * center.x + cosine * center.y,
+    )
+}
+
+#[test]
+fn what_accelerates_the_tool_does_not_press() {
+    let center = Vector2::new(-0.15, 0.1);
+    for lag in [Vector2::new(0.02, 0.02), Vector2::new(0.02, 0.005), Vector2::zeros()] {
+        let mut parameters = parameters();
+        parameters.wrench_time_constant = lag;
+        parameters.conditioning.tool_mass = 3.0;
+        parameters.conditioning.tool_center_of_gravity = Vector3::new(center.x, center.y, 0.0);
+        let mut intake = Intake::new(parameters.intake());
+        let sine = |t: f64| Vector2::new(0.4 + 0.05 * (25.0 * t).sin(), -1.1 + 0.08 * (17.0 * t).sin());
+        let rate = |t: f64| Vector2::new(1.25 * (25.0 * t).cos(), 1.36 * (17.0 * t).cos());
+        // What the filter makes of m p̈, by small steps of p's second difference.
+        let (small, per_cycle) = (1e-5, 400_u32);
+        let (mut felt, mut worst, mut most) = (Vector2::<f64>::zeros(), 0.0_f64, 0.0_f64);
+        for step in 0..200 * per_cycle {
+            let t = f64::from(step) * small;
+            let [before, here, after] = [t - small, t, t + small].map(|t| place(&sine(t), &center));
+            let force = (before + after - here * 2.0) * (3.0 / (small * small));
+            felt =
+                felt.zip_zip_map(
+                    &force,
+                    &lag,
+                    |felt, force, lag| {
+                        if lag > 0.0 { felt + (force - felt) * (small / lag) } else { force }
+                    },
+                );
+            if step % per_cycle != 0 {
+                continue;
+            }
+            let (sequence, q) = (1 + u64::from(step / per_cycle), sine(t));
+            let sample = Sample {
+                joint_position: q,
+                joint_velocity: rate(t),
+                wrench: given(felt + Vector2::new(7.0, -20.0)),
+                ..pressing(0.0, sequence)
+            };
+            let accepted = intake.take(Event::Sample(&sample), sample.stamp).expect("it is good");
+            // At first nothing is known of how the tool came to move.
+            if t > 0.2 {
+                most = most.max(felt.norm());
+                worst = worst.max((accepted.wrench - Vector2::new(7.0, -20.0)).norm());
+            }
+        }
+        // Without a lag the acceleration is that of half a cycle ago: 2 ms of 25 rad/s.
+        let close = if lag.x > 0.0 { 0.01 } else { 0.06 };
+        assert!(most > 60.0 && worst < close * most, "lag {lag:?}: {worst} N of {most} N are left");
+    }
+}
+
+#[test]
+fn after_a_pause_and_in_a_new_run_the_tool_counts_as_steady() {
+    let mut parameters = parameters();
+    parameters.conditioning.tool_mass = 3.0;
+    let felt = |change: fn(&mut Sample<2, 2>)| {
+        let mut intake = Intake::new(parameters.intake());
+        let mut sample = pressing(0.0, 1);
+        intake.take(Event::Sample(&sample), sample.stamp).expect("it is good");
+        sample = Sample { joint_velocity: Vector2::new(0.0, 0.1), ..pressing(0.0, 2) };
+        change(&mut sample);
+        intake.take(Event::Sample(&sample), sample.stamp).expect("it is good");
+        intake.tool_acceleration().norm()
+    };
+    assert!(felt(|_| ()) > 1.0);
+    assert_eq!(felt(|sample| sample.boot_id += 1), 0.0);
+    assert_eq!(felt(|sample| sample.stamp = at(sample.stamp.nanoseconds() + 1_000_000_000)), 0.0);
 }

@@ -1,10 +1,11 @@
-//! From the wrench as it is given to f̂: bias, frame, sign, the tool's weight and the deadband.
+//! From the wrench as it is given to f̂: bias, frame, sign, the tool's weight and inertia, and the
+//! deadband.
 //!
-//! A sensor between flange and tool feels the environment and the weight of the tool. With the
-//! wrench w that is given, its bias b, the sign s (+1: robot on environment, −1: the reaction), T
-//! from the sensor's frame to the base frame at the TCP, and the tool's weight as a wrench G about
-//! the TCP: f̂ = s T (w − b) + G. G is added, because s T (w − b) is what the robot exerts on tool
-//! and environment together, and −G of it holds the tool.
+//! A sensor between flange and tool feels the environment, and the weight and the inertia of the
+//! tool. With the wrench w that is given, its bias b, the sign s (+1: robot on environment, −1: the
+//! reaction), T from the sensor's frame to the base frame at the TCP, and as wrenches about the TCP
+//! the tool's weight G and what accelerates the tool, A: f̂ = s T (w − b) + G − A. For s T (w − b) is
+//! what the robot exerts on tool and environment together; −G of it holds the tool, A moves it.
 
 use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 
@@ -43,6 +44,8 @@ pub struct Conditioning<const D: usize> {
     /// Up to this magnitude a task axis counts as free of force. A larger force is not reduced: a
     /// limit must see all of it.
     pub deadband: SVector<f64, D>,
+    /// Mass of the tool in kg.
+    pub tool_mass: f64,
     /// m g of the tool in N, base frame.
     pub tool_weight: Vector3<f64>,
     /// Its centre of gravity in the frame of the TCP, m.
@@ -58,6 +61,7 @@ impl<const D: usize> Conditioning<D> {
             bias: Vector6::zeros(),
             saturation: None,
             deadband: SVector::zeros(),
+            tool_mass: 0.0,
             tool_weight: Vector3::zeros(),
             tool_center_of_gravity: Vector3::zeros(),
         }
@@ -69,9 +73,10 @@ impl<const D: usize> Conditioning<D> {
         given.0.iter().zip(ranges).position(|(value, range)| value.abs() >= *range)
     }
 
-    /// f̂ on the task axes, for the orientation of the TCP in the base frame.
-    pub fn wrench(&self, given: &GivenWrench, tcp: &Matrix3<f64>) -> SVector<f64, D> {
-        let wrench = self.without_deadband(given, tcp).on_task_axes::<D>();
+    /// f̂ on the task axes, for the orientation of the TCP in the base frame; `acceleration` is the
+    /// wrench that accelerates a tool of 1 kg, in m/s² and m²/s².
+    pub fn wrench(&self, given: &GivenWrench, tcp: &Matrix3<f64>, acceleration: &SVector<f64, D>) -> SVector<f64, D> {
+        let wrench = self.at_rest(given, tcp).on_task_axes::<D>() - acceleration * self.tool_mass;
         wrench.zip_map(&self.deadband, |value, deadband| {
             // NaN is in no deadband.
             let is_within = deadband > 0.0 && value.abs() <= deadband;
@@ -79,8 +84,8 @@ impl<const D: usize> Conditioning<D> {
         })
     }
 
-    /// What the robot exerts on the environment, before the deadband.
-    pub fn without_deadband(&self, given: &GivenWrench, tcp: &Matrix3<f64>) -> BaseWrench {
+    /// What the robot exerts on the environment while the tool is not accelerated, before the deadband.
+    fn at_rest(&self, given: &GivenWrench, tcp: &Matrix3<f64>) -> BaseWrench {
         let unbiased = given.0 - self.bias;
         let (mut force, mut torque) = halves(&unbiased);
         if let GivenIn::Sensor(sensor) = &self.given_in {
@@ -99,12 +104,13 @@ impl<const D: usize> Conditioning<D> {
     }
 
     /// The reading when only the tool loads the sensor, without bias: the reference for finding the
-    /// bias.
-    pub fn unloaded(&self, tcp: &Matrix3<f64>) -> GivenWrench {
+    /// bias. `acceleration` as in [`Self::wrench`].
+    pub fn unloaded(&self, tcp: &Matrix3<f64>, acceleration: &Vector6<f64>) -> GivenWrench {
         let weight = self.tool_weight;
         let lever = tcp * self.tool_center_of_gravity;
-        // f̂ = 0: s T w = −G.
-        let (mut force, mut torque) = (-weight, -lever.cross(&weight));
+        // f̂ = 0: s T w = A − G.
+        let (moving_force, moving_torque) = halves(&(acceleration * self.tool_mass));
+        let (mut force, mut torque) = (moving_force - weight, moving_torque - lever.cross(&weight));
         if self.sign == GivenSign::Reaction {
             (force, torque) = (-force, -torque);
         }

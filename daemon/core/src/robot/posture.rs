@@ -1,6 +1,6 @@
 //! The arm at one joint position: all the kinematics that a cycle needs, computed once.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::{Chain, InverseJacobian, Kinematics, Pose, Singular, right_inverse};
 
@@ -23,6 +23,12 @@ impl<const N: usize, const D: usize> Posture<N, D> {
     /// Ψ(q).
     pub fn pose(&self) -> &Pose {
         &self.kinematics.pose
+    }
+
+    /// Linear (m/s) and angular velocity (rad/s) of the TCP at the joint velocity in rad/s, base frame.
+    pub fn velocity(&self, joint_velocity: &SVector<f64, N>) -> (Vector3<f64>, Vector3<f64>) {
+        let twist = self.kinematics.jacobian * joint_velocity;
+        (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned())
     }
 
     /// The task rows of J(q), D×N.

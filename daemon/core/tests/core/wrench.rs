@@ -4,7 +4,7 @@
 use admittance_core::intake::{Conditioning, GivenIn, GivenSign};
 use admittance_core::quantities::GivenWrench;
 use admittance_core::robot::{Pose, rotation_from_rpy};
-use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix3, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use serde::Deserialize;
 
@@ -62,7 +62,7 @@ fn it_is_what_virtual_work_says() {
     assert!(cases.len() >= 10 && cases.iter().any(|case| case.reaction) && cases.iter().any(|case| !case.reaction));
     for case in &cases {
         let conditioning = case.conditioning();
-        let found = conditioning.wrench(&GivenWrench(case.given.into()), &case.tcp());
+        let found = conditioning.wrench(&GivenWrench(case.given.into()), &case.tcp(), &SVector::zeros());
         let error = (found - Vector6::from(case.wrench)).amax();
         assert!(error <= ROUNDING, "off by {error:e}: {found} is not {:?}", case.wrench);
         // The planar arm sees the first two of it.
@@ -74,14 +74,17 @@ fn it_is_what_virtual_work_says() {
             tool_center_of_gravity: conditioning.tool_center_of_gravity,
             ..Conditioning::none()
         };
-        assert_eq!(planar.wrench(&GivenWrench(case.given.into()), &case.tcp()).as_slice(), &found.as_slice()[..2]);
+        assert_eq!(
+            planar.wrench(&GivenWrench(case.given.into()), &case.tcp(), &SVector::zeros()).as_slice(),
+            &found.as_slice()[..2]
+        );
     }
 }
 
 #[test]
 fn nothing_configured_changes_no_bit() {
     let given = Vector6::new(-0.0, 5e-324, -1.5, f64::MAX, 0.1 + 0.2, 1.0 / 3.0);
-    let wrench = Conditioning::<6>::none().wrench(&GivenWrench(given), &Matrix3::identity());
+    let wrench = Conditioning::<6>::none().wrench(&GivenWrench(given), &Matrix3::identity(), &SVector::zeros());
     assert_eq!(wrench.map(f64::to_bits), given.map(f64::to_bits));
 }
 
@@ -105,7 +108,8 @@ fn the_end_of_the_range_is_seen_on_what_is_given() {
 #[test]
 fn the_deadband_hides_what_is_small_and_takes_nothing_off_the_rest() {
     let conditioning = Conditioning::<2> { deadband: Vector2::new(2.0, 0.0), ..Conditioning::none() };
-    let wrench = |x: f64, y: f64| conditioning.wrench(&given(Vector2::new(x, y)), &Matrix3::identity());
+    let wrench =
+        |x: f64, y: f64| conditioning.wrench(&given(Vector2::new(x, y)), &Matrix3::identity(), &SVector::zeros());
     assert_eq!(wrench(2.0, 1e-9), Vector2::new(0.0, 1e-9));
     assert_eq!(wrench(-2.0, -3.0), Vector2::new(0.0, -3.0));
     assert_eq!(wrench(2.0001, 0.0), Vector2::new(2.0001, 0.0));
@@ -141,7 +145,7 @@ proptest! {
     #[test]
     fn without_contact_nothing_is_left(sensor in any_sensor(), tcp in vector(3.1)) {
         let tcp = rotation_from_rpy(tcp);
-        let left = sensor.wrench(&GivenWrench(sensor.unloaded(&tcp).0 + sensor.bias), &tcp);
+        let left = sensor.wrench(&GivenWrench(sensor.unloaded(&tcp, &Vector6::zeros()).0 + sensor.bias), &tcp, &SVector::zeros());
         prop_assert!(left.amax() <= ROUNDING, "{left}");
     }
 
@@ -150,8 +154,8 @@ proptest! {
         sensor in any_sensor(), tcp in vector(3.1), push in six(200.0),
     ) {
         let tcp = rotation_from_rpy(tcp);
-        let unloaded = sensor.unloaded(&tcp).0 + sensor.bias;
-        let felt = sensor.wrench(&GivenWrench(unloaded + push), &tcp);
+        let unloaded = sensor.unloaded(&tcp, &Vector6::zeros()).0 + sensor.bias;
+        let felt = sensor.wrench(&GivenWrench(unloaded + push), &tcp, &SVector::zeros());
         let sizes = (felt.fixed_rows::<3>(0).norm(), push.fixed_rows::<3>(0).norm());
         prop_assert!((sizes.0 - sizes.1).abs() <= 1e-10, "{sizes:?}");
         // The other sign on the other readings is the same wrench.
@@ -160,7 +164,7 @@ proptest! {
             bias: -sensor.bias,
             ..sensor
         };
-        let error = (opposite.wrench(&GivenWrench(-(unloaded + push)), &tcp) - felt).amax();
+        let error = (opposite.wrench(&GivenWrench(-(unloaded + push)), &tcp, &SVector::zeros()) - felt).amax();
         prop_assert!(error <= 1e-10, "{error:e}");
     }
 }

@@ -2,10 +2,10 @@
 
 use std::f64::consts::{PI, TAU};
 
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, GivenInName, GivenSignName, WrenchSection as WrenchConditioning};
 use plant_sim::pose::{self, ArmPose};
 use plant_sim::scenario::{
-    MotionSection, NoiseSection, Scenario, StartSection, SurfaceSection, TimingSection, WrenchSection,
+    MotionSection, NoiseSection, Scenario, SensorSection, StartSection, SurfaceSection, TimingSection, WrenchSection,
 };
 
 use crate::Exit;
@@ -110,6 +110,9 @@ impl Approach {
                 normal: self.normal,
                 stiffness_n_m: config.environment.normal_stiffness_n_m,
                 damping_n_s_m: 0.0,
+                maxwell_stiffness_n_m: None,
+                // Any; nothing creeps.
+                maxwell_relaxation_time_s: 0.01,
                 friction: 0.0,
                 // Any; there is no friction.
                 slip_velocity_m_s: 0.001,
@@ -118,7 +121,7 @@ impl Approach {
                 time_constant_s: config.contact.wrench_time_constant_s.clone(),
                 delay_s: config.contact.wrench_dead_time_s,
             },
-            sensor: None,
+            sensor: sensor(&config.wrench),
             noise: NoiseSection { wrench: 0.0, joint_position_rad: 0.0, joint_velocity_rad_s: 0.0, seed: 1 },
             motion: vec![MotionSection {
                 duration_s: contact_time_s + whole_cycles(AFTER_CONTACT_S),
@@ -128,6 +131,24 @@ impl Approach {
             realtime: config.realtime.clone(),
         }
     }
+}
+
+/// The sensor that `[wrench]` describes.
+fn sensor(told: &WrenchConditioning) -> Option<SensorSection> {
+    let sensor = SensorSection {
+        origin_m: told.sensor_origin_m,
+        rpy_rad: told.sensor_rpy_rad,
+        in_base_axes: told.given_in == GivenInName::Base,
+        reports_reaction: told.sign == GivenSignName::Reaction,
+        bias: told.bias,
+        tool_mass_kg: told.tool_mass_kg,
+        tool_center_of_gravity_m: told.tool_center_of_gravity_m,
+        gravity_m_s2: told.gravity_m_s2,
+        range: told.saturation,
+    };
+    // Without any of it the estimate is given as it is; a sample at the end of the range is not used.
+    let is_plain = sensor.in_base_axes && !sensor.reports_reaction && sensor.bias == [0.0; 6];
+    (!is_plain || sensor.tool_mass_kg > 0.0).then_some(sensor)
 }
 
 fn direction_of(config: &Config, normal: [f64; 3], direction: Option<&[f64]>) -> Result<[f64; 3], String> {

@@ -213,6 +213,8 @@ pub(crate) fn limited_axes(config: &Config) -> impl Iterator<Item = (usize, f64)
 #[cfg(test)]
 mod tests {
     use super::super::tests::planar;
+    use admittance_runner::config::{GivenInName, GivenSignName};
+
     use super::*;
 
     #[test]
@@ -239,6 +241,25 @@ mod tests {
         let approach = Approach::new(&base, None, None).unwrap();
         let cell = cell(&base, &approach, 0.00025, 1e5, 2).unwrap();
         assert!(cell.speed_m_s.is_none() && cell.limited_by.contains("command_delay_s"), "{}", cell.limited_by);
+    }
+
+    #[test]
+    fn a_sensor_as_told_changes_nothing() {
+        let approach = Approach::new(&planar(), None, None).unwrap();
+        for given_in in [GivenInName::Sensor, GivenInName::Base] {
+            let mut config = planar();
+            let wrench = &mut config.wrench;
+            (wrench.given_in, wrench.sign) = (given_in, GivenSignName::Reaction);
+            if given_in == GivenInName::Sensor {
+                (wrench.sensor_origin_m, wrench.sensor_rpy_rad) = ([-0.2, 0.0, 0.1], [0.3, -0.2, 0.7]);
+            }
+            (wrench.bias, wrench.gravity_m_s2) = ([6.0, -9.0, 4.0, 0.5, -0.3, 0.2], [0.0, -9.81, 0.0]);
+            (wrench.tool_mass_kg, wrench.tool_center_of_gravity_m) = (3.0, [-0.1, 0.02, 0.0]);
+            assert_eq!(is_safe(&config, &approach, 0.2, 0.5).unwrap(), Ok(()), "{given_in:?}");
+            let scenario = approach.scenario(&config, 0.2, 0.5);
+            assert!(scenario.sensor.is_some_and(|sensor| sensor.tool_mass_kg == 3.0));
+        }
+        assert_eq!(approach.scenario(&planar(), 0.2, 0.5).sensor, None);
     }
 
     #[test]

@@ -100,7 +100,9 @@ pub fn outward(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
     };
     let normal = scenario.surface.as_ref().map_or([0.0; 3], |surface| surface.normal);
     let joints = scenario.robot.joint.len();
-    let mut plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
+    // When it is active is a matter of what presses, not of what a tool adds.
+    let scenario = Scenario { sensor: None, ..scenario.clone() };
+    let mut plant = VirtualRun::new(&scenario).map_err(|error| error.to_string())?;
     let (mut peak, mut active_s, mut has_touched) = (Peak::default(), None, false);
     while !plant.is_finished() {
         let state = *plant.sample().ok_or("the plant published no sample")?;

@@ -17,6 +17,7 @@ const REPORT_LAG_S: f64 = 0.002;
 const FRICTION: f64 = 0.3;
 const SURFACE_DAMPING_N_S_M: f64 = 100.0;
 const NOISE_N: f64 = 0.5;
+const TOOL_MASS: (f64, f64) = (0.9, 1.1);
 
 /// What may differ from what was told.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -42,11 +43,13 @@ pub enum Cause {
     SurfaceDamping,
     /// Of the wrench.
     Noise,
+    /// Of what hangs on the sensor.
+    ToolMass,
 }
 
 impl Cause {
     /// All.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Stiffness,
         Self::Normal,
         Self::SpeedLoops,
@@ -57,6 +60,7 @@ impl Cause {
         Self::Friction,
         Self::SurfaceDamping,
         Self::Noise,
+        Self::ToolMass,
     ];
 }
 
@@ -87,6 +91,8 @@ pub struct World {
     pub noise_seed: u64,
     /// Instant of contact within a cycle, as a share of it.
     pub contact_phase: f64,
+    /// True mass of the tool over the one told.
+    pub tool_mass_factor: f64,
 }
 
 impl World {
@@ -110,6 +116,8 @@ impl World {
             surface_damping_n_s_m: SURFACE_DAMPING_N_S_M * share(),
             noise_seed: (share() * 1e9) as u64,
             contact_phase: share(),
+            // What is new is drawn last: the worlds stay what they were.
+            tool_mass_factor: between(TOOL_MASS, share()),
         }
     }
 
@@ -148,6 +156,11 @@ impl World {
         if is_on(Cause::Delay) {
             scenario.timing.command_delay_s += self.extra_delay_s;
         }
+        if is_on(Cause::ToolMass)
+            && let Some(sensor) = &mut scenario.sensor
+        {
+            sensor.tool_mass_kg *= self.tool_mass_factor;
+        }
         if is_on(Cause::Noise) {
             (scenario.noise.wrench, scenario.noise.seed) = (NOISE_N, self.noise_seed);
         }
@@ -172,6 +185,26 @@ fn tilted(normal: [f64; 3], angle: f64, direction: f64, planar: bool) -> [f64; 3
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_tool_alone_is_heavier_where_nothing_else_differs() {
+        use admittance_runner::config::Config;
+        let text = include_str!("../../../../deploy/demo/mpc-default.toml");
+        let mut config: Config = admittance_host::config::parse(text, "mpc-default.toml").unwrap();
+        config.wrench.tool_mass_kg = 2.0;
+        let told = crate::limits::Approach::new(&config, None, None).unwrap().scenario(&config, 0.2, 0.5);
+        let mut factors = Vec::new();
+        for index in 0..50 {
+            let world = super::super::world(1, index, 2);
+            let mut scenario = told.clone();
+            world.apply(&mut scenario, |cause| cause == Cause::ToolMass);
+            assert_eq!(scenario.surface, told.surface);
+            factors.push(scenario.sensor.unwrap().tool_mass_kg / 2.0);
+            assert!((factors[index as usize] - world.tool_mass_factor).abs() < 1e-12);
+        }
+        let (least, most) = factors.iter().fold((f64::MAX, 0.0_f64), |(a, b), &f| (a.min(f), b.max(f)));
+        assert!((0.9..0.92).contains(&least) && (1.08..1.1).contains(&most), "{least} to {most}");
+    }
 
     #[test]
     fn a_tilt_keeps_length_and_angle() {

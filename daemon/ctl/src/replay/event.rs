@@ -48,11 +48,18 @@ pub(super) fn replay(
     replayed
 }
 
-/// Copies fields that an older recording lacks, so that they are not compared.
-pub(super) fn without_belief(mut replayed: RecordSample, record: &RecordSample) -> RecordSample {
-    replayed.belief_uncertainty_n = record.belief_uncertainty_n;
-    replayed.expected_pressing_n = record.expected_pressing_n;
-    replayed.expected_spring_n = record.expected_spring_n;
-    replayed.expected_stamp_ns = record.expected_stamp_ns;
+/// Copies fields that a recording of an older version lacks, so that they are not compared.
+pub(super) fn of_version(version: u32, mut replayed: RecordSample, record: &RecordSample) -> RecordSample {
+    if version < 2 {
+        replayed.belief_uncertainty_n = record.belief_uncertainty_n;
+        replayed.expected_pressing_n = record.expected_pressing_n;
+        replayed.expected_spring_n = record.expected_spring_n;
+        replayed.expected_stamp_ns = record.expected_stamp_ns;
+    }
+    if version < 3 {
+        replayed.tool_acceleration = record.tool_acceleration;
+        replayed.joint_velocity = record.joint_velocity;
+        replayed.joint_acceleration = record.joint_acceleration;
+    }
     replayed
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use admittance_core::quantities::Instant;
 use admittance_host::config;
 use admittance_runner::config::Config;
-use admittance_runner::cycle::{self, Cycle};
+use admittance_runner::cycle::{self, Cycle, Memory};
 use admittance_runner::settings::Settings;
 use ipc_types::layout::WireType as _;
 use ipc_types::{CommandSample, Fault, Mode, RecordKind, RecordSample, Source, StopReason};
@@ -36,7 +36,7 @@ enum State {
 pub(crate) struct Session<'a> {
     config: Config,
     configurations: &'a BTreeMap<u64, String>,
-    knows_belief: bool,
+    record_version: u32,
     state: State,
     /// The last answer of the replay.
     command: CommandSample,
@@ -50,17 +50,17 @@ pub(crate) struct Session<'a> {
 
 impl<'a> Session<'a> {
     /// A replay that begins with this configuration; those of later records replace it.
-    /// `knows_belief`: its records keep the whole belief.
+    /// `record_version`: that of its records.
     pub(crate) fn new(
         config: Config,
         configurations: &'a BTreeMap<u64, String>,
-        knows_belief: bool,
+        record_version: u32,
     ) -> Result<Self, (Exit, String)> {
         cycle::build(&config).map_err(|why| (Exit::Config, why))?;
         Ok(Self {
             config,
             configurations,
-            knows_belief,
+            record_version,
             state: State::Searching,
             command: CommandSample::zeroed(),
             ahead: None,
@@ -165,8 +165,8 @@ impl<'a> Session<'a> {
             settings(record)?.apply(&mut self.config);
             let mut config = self.config.clone();
             config.control.start_enabled = true;
-            let belief = cycle::recorded_belief(record);
-            let mut cycle = cycle::build_believing(&config, &belief).map_err(|why| (Exit::Config, why))?;
+            let memory = Memory::recorded(record);
+            let mut cycle = cycle::build_remembering(&config, &memory).map_err(|why| (Exit::Config, why))?;
             event::replay(&mut *cycle, record, kind, &mut self.command);
             self.state = State::RunningIn(cycle, 1);
         }
@@ -200,10 +200,8 @@ impl<'a> Session<'a> {
             }
             cycle = new;
         }
-        let mut replayed = event::replay(&mut *cycle, record, kind, &mut self.command);
-        if !self.knows_belief {
-            replayed = event::without_belief(replayed, record);
-        }
+        let replayed = event::replay(&mut *cycle, record, kind, &mut self.command);
+        let mut replayed = event::of_version(self.record_version, replayed, record);
         self.state = State::Comparing(cycle);
         // Before the first sample, and for an order, there is no answer.
         let is_cycle = matches!(kind, RecordKind::Sample | RecordKind::Silence);

@@ -1,9 +1,10 @@
 //! Records of a contact in virtual time, replayed.
 
+use admittance_runner::config::GivenInName;
 use admittance_runner::cycle;
 use admittance_runner::virtual_time::VirtualTime;
 use plant_sim::run::VirtualRun;
-use plant_sim::scenario::Scenario;
+use plant_sim::scenario::{Scenario, SensorSection};
 
 use super::*;
 
@@ -14,12 +15,20 @@ fn config() -> Config {
     config::parse(CONFIG, "mpc-default.toml").expect("valid")
 }
 
+fn scenario() -> Scenario {
+    config::parse(SCENARIO, "paper.toml").expect("valid")
+}
+
 /// What a daemon would record of the paper's contact in virtual time. Its time is up as `is_over`
 /// says of a record's sequence and of how often the law has asked.
 fn records(is_over: fn(u64, u64) -> bool) -> Vec<RecordSample> {
-    let scenario: Scenario = config::parse(SCENARIO, "paper.toml").expect("valid");
-    let plant = VirtualRun::new(&scenario).expect("the scenario can be set up");
-    let mut run = VirtualTime::new(cycle::build(&config()).expect("a known arm"), plant);
+    records_of(&config(), &scenario(), is_over)
+}
+
+/// The same of another configuration and plant.
+fn records_of(config: &Config, scenario: &Scenario, is_over: fn(u64, u64) -> bool) -> Vec<RecordSample> {
+    let plant = VirtualRun::new(scenario).expect("the scenario can be set up");
+    let mut run = VirtualTime::new(cycle::build(config).expect("a known arm"), plant);
     let mut records = Vec::new();
     loop {
         let sequence = records.len() as u64 + 1;
@@ -44,8 +53,13 @@ fn records(is_over: fn(u64, u64) -> bool) -> Vec<RecordSample> {
 
 /// Replays records until one differs; the sequence of that one, and how many were compared.
 fn replay(records: &[RecordSample]) -> (Option<u64>, u64) {
+    replay_of(config(), records)
+}
+
+/// The same under another configuration.
+fn replay_of(config: Config, records: &[RecordSample]) -> (Option<u64>, u64) {
     let configurations = BTreeMap::new();
-    let mut session = Session::new(config(), &configurations, true).expect("a known arm");
+    let mut session = Session::new(config, &configurations, 3).expect("a known arm");
     for record in records {
         if session.take(record).expect("sound records").is_some() {
             return (Some(record.sequence), session.compared());
@@ -105,4 +119,34 @@ fn after_a_gap_the_replay_begins_anew_in_free_motion() {
     let late_gap = [&records[..begin + 20], &records[begin + 21..]].concat();
     assert_eq!(compared(&late_gap), (None, (begin + 20) as u64), "too few cycles are left to find the state from");
     assert_eq!(compared(&records[touched..]), (None, 0));
+}
+
+#[test]
+fn a_replay_that_begins_late_knows_how_the_tool_was_moved() {
+    let (mut config, mut scenario) = (config(), scenario());
+    (config.wrench.given_in, config.wrench.tool_mass_kg) = (GivenInName::Sensor, 2.0);
+    scenario.sensor = Some(SensorSection {
+        origin_m: [0.0; 3],
+        rpy_rad: [0.0; 3],
+        in_base_axes: false,
+        reports_reaction: false,
+        bias: [0.0; 6],
+        tool_mass_kg: 2.0,
+        tool_center_of_gravity_m: [0.0; 3],
+        gravity_m_s2: config.wrench.gravity_m_s2,
+        range: None,
+    });
+    // The tool never stands still.
+    scenario.noise.joint_velocity_rad_s = 1e-3;
+    // A filter that forgets in ten times the run-in.
+    config.contact.wrench_time_constant_s.fill(0.2);
+    scenario.wrench.time_constant_s.fill(0.2);
+    let mut records = records_of(&config, &scenario, |_, _| false);
+    let touched = records.iter().position(|record| record.command.active_axes != 0).expect("a contact");
+    let begin = touched - RUN_IN as usize - 10;
+    let late = (records.len() - begin) as u64 - RUN_IN;
+    assert_eq!(replay_of(config.clone(), &records[begin..]), (None, late));
+    // It is the record that tells.
+    records[begin].tool_acceleration = [0.0; 6];
+    assert_eq!(replay_of(config, &records[begin..]).1, 0);
 }

@@ -1,7 +1,7 @@
 //! The cells of the study: the shipped ones, at two cycle times.
 
 use admittance_host::config::parse;
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, GivenInName, WrenchSection};
 use admittancectl::parallel;
 use admittancectl::plausible::Cell;
 use plant_sim::scenario::Scenario;
@@ -38,6 +38,20 @@ fn files(index: usize) -> (&'static str, &'static str, f64) {
     (config, scenario, [0.004, 0.001][index % 2])
 }
 
+/// A tool of 2 kg, as long as a hand, on a sensor at the flange, told as it is. A planar arm stands, so
+/// that weight acts in its plane as well.
+fn with_a_tool(wrench: &WrenchSection, planar: bool) -> WrenchSection {
+    let along = if planar { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
+    WrenchSection {
+        given_in: GivenInName::Sensor,
+        sensor_origin_m: along.map(|share| -0.15 * share),
+        tool_mass_kg: 2.0,
+        tool_center_of_gravity_m: along.map(|share| -0.08 * share),
+        gravity_m_s2: if planar { [0.0, -9.81, 0.0] } else { [0.0, 0.0, -9.81] },
+        ..wrench.clone()
+    }
+}
+
 /// The cells, or the one with a name, each with the highest speed that is safe with the model as told.
 ///
 /// # Errors
@@ -47,9 +61,10 @@ pub(super) fn all(only: Option<&str>, threads: usize) -> Result<Vec<(&'static st
     parallel::map(wanted.len() as u64, threads, "cells", |index| {
         let index = wanted[index as usize];
         let (config, scenario, sampling_time_s) = files(index);
-        let config: Config = parse(config, NAMES[index]).map_err(|error| error.to_string())?;
+        let mut config: Config = parse(config, NAMES[index]).map_err(|error| error.to_string())?;
         let scenario: Scenario = parse(scenario, NAMES[index]).map_err(|error| error.to_string())?;
         let planar = scenario.robot.task_axes == 2;
+        config.wrench = with_a_tool(&config.wrench, planar);
         // A planar arm's pose follows from the contact point.
         let joints = Some(scenario.start.joint_position_rad.as_slice()).filter(|_| !planar);
         let direction = scenario.motion.first().map(|motion| &motion.twist[..if planar { 2 } else { 3 }]);

@@ -1,0 +1,83 @@
+//! A heavy tool on a sensor at the flange, which feels what accelerates it: 3 kg, brought to speed and
+//! stopped by a surface. Told of it, the daemon sees what presses; told of its weight alone, it took
+//! the approach for a touch, and the touch for a pull.
+
+use end_to_end::closed_loop::{Experiment, Run};
+use ipc_types::Mode;
+use plant_sim::scenario::SensorSection;
+
+use admittance_runner::config::GivenInName;
+
+const MASS_KG: f64 = 3.0;
+/// f_max in N, and what the linear model may miss of it.
+const MOST: f64 = 200.0 + 0.5;
+
+/// The paper's contact with the tool; the arm lies, its weight does not matter.
+fn experiment(sampling_time: f64, speed: f64) -> Experiment {
+    let mut experiment = Experiment::paper(sampling_time, speed);
+    let wrench = &mut experiment.config.wrench;
+    wrench.given_in = GivenInName::Sensor;
+    wrench.sensor_origin_m = [-0.15, 0.0, 0.0];
+    wrench.sensor_rpy_rad = [0.0, 0.0, 0.7];
+    wrench.tool_mass_kg = MASS_KG;
+    wrench.tool_center_of_gravity_m = [-0.06, 0.02, 0.0];
+    experiment.scenario.sensor = Some(SensorSection {
+        origin_m: wrench.sensor_origin_m,
+        rpy_rad: wrench.sensor_rpy_rad,
+        in_base_axes: false,
+        reports_reaction: false,
+        bias: [0.0; 6],
+        tool_mass_kg: MASS_KG,
+        tool_center_of_gravity_m: wrench.tool_center_of_gravity_m,
+        gravity_m_s2: wrench.gravity_m_s2,
+        range: None,
+    });
+    experiment
+}
+
+/// Whether an axis was taken to be in contact before the tool touched.
+fn is_early(run: &Run) -> bool {
+    let touch = run.instants.iter().position(|at| at.truth.in_contact == 1).unwrap_or(run.instants.len());
+    run.instants[..touch]
+        .iter()
+        .any(|at| at.command.active_axes != 0 || !(at.is_in(Mode::Free) || at.is_in(Mode::Idle)))
+}
+
+#[test]
+fn a_heavy_tool_touches_and_presses_as_without_its_inertia() {
+    for (sampling_time, speed) in [(0.004, 0.1), (0.004, 0.25), (0.001, 0.25), (0.001, 0.5)] {
+        let mut unaware = 0;
+        experiment(sampling_time, speed).at_instants(8, |share, run| {
+            let what = format!("{speed} m/s at {sampling_time} s, contact at {share}");
+            println!("{what}: peak {:.1} N, settled {:.2} N", run.peak(1), run.settled_normal());
+            assert!(!is_early(run), "{what}: a touch is felt in the air");
+            assert_eq!((run.stop_reason(), run.losses(), run.infeasible()), (None, 0, 0), "{what}");
+            assert!(run.peak(1) <= MOST, "{what}: peak {} N", run.peak(1));
+            assert!((run.settled_normal() - 14.2).abs() < 1.0, "{what}: settled at {} N", run.settled_normal());
+        });
+        // What the daemon knew before: the weight, which does not act in the arm's plane.
+        let mut told_nothing = experiment(sampling_time, speed);
+        told_nothing.config.wrench.tool_mass_kg = 0.0;
+        told_nothing.at_instants(8, |_, run| {
+            unaware += u32::from(is_early(run) || run.stop_reason().is_some() || run.losses() > 0);
+        });
+        println!("{unaware} of 8 without compensation touch too early, stop or lose contact");
+        assert!(unaware >= 6, "{unaware} of 8 at {speed} m/s and {sampling_time} s");
+    }
+}
+
+#[test]
+fn a_heavy_tool_that_halts_on_its_way_is_neither_a_touch_nor_a_pull() {
+    for (sampling_time, lag) in [(0.004, 0.02), (0.001, 0.02), (0.004, 0.005), (0.004, 0.0)] {
+        // Where the sensor shows a jump of the acceleration at once, half a cycle of it is left.
+        let speed = if lag > 0.0 { 0.25 } else { 0.1 };
+        let down = [0.0, -speed];
+        let experiment = experiment(sampling_time, speed).with_wrench_lag(lag);
+        experiment.with_motion(&[(0.1, &down), (0.04, &[0.0, 0.0]), (0.8, &down)]).at_instants(4, |share, run| {
+            let what = format!("{sampling_time} s, T_est {lag} s, contact at {share}");
+            assert!(run.touched() && !is_early(run), "{what}: a touch is felt in the air");
+            assert_eq!((run.stop_reason(), run.losses()), (None, 0), "{what}");
+            assert!(run.peak(1) <= MOST, "{what}: peak {} N", run.peak(1));
+        });
+    }
+}
