@@ -25,6 +25,7 @@ pub(super) fn planar_arm() -> Parameters<2, 2> {
         minimum_reciprocal_condition: 0.01,
         velocity_time_constant: Vector2::new(0.015, 0.010),
         wrench_time_constant: Vector2::repeat(0.020),
+        wrench_noise: Vector2::zeros(),
         conditioning: Conditioning::none(),
         surface: Surface::plane(1e5, &normal, frame(1.32, 0.68)),
         thresholds: Thresholds {

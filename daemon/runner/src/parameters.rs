@@ -75,6 +75,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
         minimum_reciprocal_condition: config.control.minimum_reciprocal_condition,
         velocity_time_constant: joints(&config.robot.velocity_time_constant_s)?,
         wrench_time_constant: vector(&contact.wrench_time_constant_s)?,
+        wrench_noise: SVector::from_fn(|axis, _| if is_linear(axis) { environment.wrench_noise_n } else { 0.0 }),
         conditioning: conditioning(&config.wrench)?,
         surface: Surface::plane(
             environment.normal_stiffness_n_m,

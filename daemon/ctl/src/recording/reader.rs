@@ -11,7 +11,8 @@ use mcap::records::Record;
 use serde_json::Value;
 
 use super::{
-    COMMAND, COMMAND_FIELD, CYCLE, METADATA, RECORD_VERSION, STATE, STATE_FIELD, TRUTH, configuration_sequence,
+    COMMAND, COMMAND_FIELD, CYCLE, METADATA, PRESENT_RECORD_VERSION, RECORD_VERSION, STATE, STATE_FIELD, TRUTH,
+    configuration_sequence,
 };
 use crate::Exit;
 
@@ -80,9 +81,9 @@ impl Recording {
         &self.metadata
     }
 
-    /// Whether its records keep the whole belief.
-    pub fn knows_belief(&self) -> bool {
-        self.metadata.contains_key(RECORD_VERSION)
+    /// The version of its records; fields that were added later are zero.
+    pub fn record_version(&self) -> u32 {
+        self.metadata.get(RECORD_VERSION).map_or(1, |version| version.parse().unwrap_or(PRESENT_RECORD_VERSION))
     }
 
     /// Everything in it, in order. A file that breaks off simply ends.
@@ -90,7 +91,7 @@ impl Recording {
         let records = ChunkFlattener::new_with_options(&self.bytes, Options::IgnoreEndMagic.into()).ok();
         Items {
             name: &self.name,
-            is_complete_record: self.knows_belief(),
+            is_complete_record: self.record_version() >= PRESENT_RECORD_VERSION,
             records,
             topics: HashMap::new(),
             state: None,

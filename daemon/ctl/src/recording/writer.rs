@@ -50,7 +50,7 @@ impl<W: Write> RecordingWriter<W> {
         let metadata = [
             ("version", env!("CARGO_PKG_VERSION").to_owned()),
             ("schema_version", SCHEMA_VERSION.to_string()),
-            (RECORD_VERSION, PRESENT_RECORD_VERSION.to_owned()),
+            (RECORD_VERSION, PRESENT_RECORD_VERSION.to_string()),
             ("instance", instance.to_owned()),
             ("calendar_offset_ns", calendar_offset.to_string()),
         ];

@@ -48,11 +48,16 @@ pub(super) fn replay(
     replayed
 }
 
-/// Copies fields that an older recording lacks, so that they are not compared.
-pub(super) fn without_belief(mut replayed: RecordSample, record: &RecordSample) -> RecordSample {
-    replayed.belief_uncertainty_n = record.belief_uncertainty_n;
-    replayed.expected_pressing_n = record.expected_pressing_n;
-    replayed.expected_spring_n = record.expected_spring_n;
-    replayed.expected_stamp_ns = record.expected_stamp_ns;
-    replayed
+/// Copies the fields that a record of this version lacks, so that they are not compared.
+pub(super) fn copy_missing(version: u32, replayed: &mut RecordSample, record: &RecordSample) {
+    if version < 2 {
+        replayed.belief_uncertainty_n = record.belief_uncertainty_n;
+        replayed.expected_pressing_n = record.expected_pressing_n;
+        replayed.expected_spring_n = record.expected_spring_n;
+        replayed.expected_stamp_ns = record.expected_stamp_ns;
+    }
+    if version < 3 {
+        replayed.exceeded_count = record.exceeded_count;
+        replayed.wrench_without_lag = record.wrench_without_lag;
+    }
 }

@@ -36,7 +36,7 @@ enum State {
 pub(crate) struct Session<'a> {
     config: Config,
     configurations: &'a BTreeMap<u64, String>,
-    knows_belief: bool,
+    record_version: u32,
     state: State,
     /// The last answer of the replay.
     command: CommandSample,
@@ -50,17 +50,17 @@ pub(crate) struct Session<'a> {
 
 impl<'a> Session<'a> {
     /// A replay that begins with this configuration; those of later records replace it.
-    /// `knows_belief`: its records keep the whole belief.
+    /// Fields that records of `record_version` lack are not compared.
     pub(crate) fn new(
         config: Config,
         configurations: &'a BTreeMap<u64, String>,
-        knows_belief: bool,
+        record_version: u32,
     ) -> Result<Self, (Exit, String)> {
         cycle::build(&config).map_err(|why| (Exit::Config, why))?;
         Ok(Self {
             config,
             configurations,
-            knows_belief,
+            record_version,
             state: State::Searching,
             command: CommandSample::zeroed(),
             ahead: None,
@@ -201,9 +201,7 @@ impl<'a> Session<'a> {
             cycle = new;
         }
         let mut replayed = event::replay(&mut *cycle, record, kind, &mut self.command);
-        if !self.knows_belief {
-            replayed = event::without_belief(replayed, record);
-        }
+        event::copy_missing(self.record_version, &mut replayed, record);
         self.state = State::Comparing(cycle);
         // Before the first sample, and for an order, there is no answer.
         let is_cycle = matches!(kind, RecordKind::Sample | RecordKind::Silence);

@@ -6,6 +6,7 @@ use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
 use super::*;
+use crate::recording::PRESENT_RECORD_VERSION;
 
 const CONFIG: &str = include_str!("../../../../../deploy/demo/mpc-default.toml");
 const SCENARIO: &str = include_str!("../../../../../plant-sim/scenarios/paper.toml");
@@ -45,7 +46,7 @@ fn records(is_over: fn(u64, u64) -> bool) -> Vec<RecordSample> {
 /// Replays records until one differs; the sequence of that one, and how many were compared.
 fn replay(records: &[RecordSample]) -> (Option<u64>, u64) {
     let configurations = BTreeMap::new();
-    let mut session = Session::new(config(), &configurations, true).expect("a known arm");
+    let mut session = Session::new(config(), &configurations, PRESENT_RECORD_VERSION).expect("a known arm");
     for record in records {
         if session.take(record).expect("sound records").is_some() {
             return (Some(record.sequence), session.compared());
