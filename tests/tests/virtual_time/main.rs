@@ -8,3 +8,4 @@ mod detection;
 mod limits_are_constraints;
 mod paper_experiment;
 mod stops_and_guards;
+mod unlagged;
