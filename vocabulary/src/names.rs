@@ -72,6 +72,7 @@ vocabulary! {
         ContactLost = 14 "The minimum force, once reached, was not held.";
         MeasuredForce = 15 "The measured force passed the force limit by more than the guard allows.";
         ModelDisagrees = 16 "The measured force differs from the predicted one, or contradicts the surface's sign.";
+        ForceExceeded = 17 "The force, as it is without the lag of the wrench estimate, passed its limit by more than the guard allows.";
     }
 }
 

@@ -26,6 +26,7 @@ pub(super) fn planar_arm() -> Parameters<2, 2> {
         loops: VelocityLoops::first_order(Vector2::new(0.015, 0.010)),
         wrench_time_constant: Vector2::repeat(0.020),
         wrench_dead_time: Span::default(),
+        wrench_noise: Vector2::zeros(),
         conditioning: Conditioning::none(),
         surface: Surface::plane(1e5, &normal, frame(1.32, 0.68)),
         thresholds: Thresholds {

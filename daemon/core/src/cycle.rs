@@ -93,6 +93,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             Err(fault) => return self.step_without_sample(fault, now),
         };
         let joints = joints.follow(sample, output.under_way());
+        belief.sense(sample);
+        supervisor.count_exceeded(belief);
         let felt = belief.felt(&sample.wrench);
         supervisor.admit(sample, &felt);
         if supervisor.is_in_control() {
@@ -160,6 +162,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             active_axes: self.belief.contact().mask(),
             wrench: intake.last().filter(|_| fault.is_none()).map(|last| last.wrench),
             wrong_rate: intake.wrong_rate(),
+            wrench_without_lag: fault.is_none().then(|| self.belief.without_lag().wrench),
             fault,
             belief: self.belief.snapshot(),
             counters: self.counters(),
@@ -229,6 +232,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             irregular: self.intake.irregular(),
             limited: self.output.limited(),
             contacts_lost: self.supervisor.contacts_lost(),
+            exceeded: self.supervisor.exceeded(),
         }
     }
 }

@@ -39,6 +39,8 @@ pub struct Outcome<const N: usize, const D: usize> {
     pub active_axes: u32,
     /// f̂ as the law saw it, in N and N·m; `None` when the sample did not reach it.
     pub wrench: Option<SVector<f64, D>>,
+    /// The same without the lag of f̂; see [`WithoutLag`](crate::belief::WithoutLag).
+    pub wrench_without_lag: Option<SVector<f64, D>>,
     /// Why this cycle's sample did not reach the law.
     pub fault: Option<SampleFault>,
     /// Mean spacing of the samples in s, while it differs from the sampling time.
@@ -71,4 +73,6 @@ pub struct Counters {
     pub limited: u64,
     /// Contacts lost that should have been kept.
     pub contacts_lost: u64,
+    /// Samples whose force, without the lag of f̂, was beyond its limit.
+    pub exceeded: u64,
 }

@@ -42,6 +42,8 @@ pub struct Parameters<const N: usize, const D: usize> {
     pub wrench_time_constant: SVector<f64, D>,
     /// By how much later f̂ shows the force, besides that lag.
     pub wrench_dead_time: Span,
+    /// Standard deviation of f̂ per axis in N and N·m, as it is told; 0 where it is not.
+    pub wrench_noise: SVector<f64, D>,
     /// How f̂ follows from the wrench as it is given.
     pub conditioning: Conditioning<D>,
     /// The surface.
@@ -90,6 +92,9 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             sign: self.sign,
             wrench_time_constant: self.wrench_time_constant,
             wrench_dead_time: self.wrench_dead_time,
+            wrench_noise: self.wrench_noise,
+            force_limit: self.mpc.force_limit,
+            sampling_time: self.timing.sampling_time,
         }
     }
 
@@ -103,6 +108,8 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             thresholds: self.thresholds,
             sign: self.sign,
             force_limit: self.mpc.force_limit,
+            limit_tolerance: self.mpc.limit_tolerance,
+            wrench_noise: self.wrench_noise,
             minimum_force: self.mpc.minimum_force,
             lower_bound: self.mpc.lower_bound,
             inward_speed: self.mpc.inward_speed,

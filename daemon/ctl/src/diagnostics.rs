@@ -113,6 +113,7 @@ pub(crate) fn json_of(sample: &DiagnosticsSample) -> serde_json::Value {
         "limited_count": sample.limited_count,
         "records_dropped": sample.dropped_count,
         "contact_losses": sample.contact_losses,
+        "exceeded_count": sample.exceeded_count,
         "solver_failures": sample.solver_failures,
     });
     for (name, all, last_second) in latencies(sample) {

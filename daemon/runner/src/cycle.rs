@@ -36,6 +36,8 @@ pub struct CycleReport {
     pub singular: Option<Singular>,
     /// f̂ as the law saw it, in N and N·m; zero when the sample did not reach it.
     pub wrench: [f64; TASK_AXES],
+    /// The same without the lag of f̂.
+    pub wrench_without_lag: [f64; TASK_AXES],
 }
 
 impl CycleReport {
@@ -45,6 +47,7 @@ impl CycleReport {
         record.fault = Fault::code_of(self.fault.as_ref().map(SampleFault::name));
         record.limited = u32::from(self.limited);
         record.wrench = self.wrench;
+        record.wrench_without_lag = self.wrench_without_lag;
     }
 }
 
@@ -125,6 +128,7 @@ impl dyn Cycle + '_ {
         let (counters, belief) = (self.counters(), self.belief());
         record.limited_count = counters.limited;
         record.contact_losses = counters.contacts_lost;
+        record.exceeded_count = counters.exceeded;
         record.enabled = u32::from(self.is_enabled());
         record.contact_point = belief.contact_point.into();
         record.belief_uncertainty_n = belief.uncertainty;
@@ -260,6 +264,9 @@ fn report<const N: usize, const D: usize>(answer: &CycleOutput<'_, N, D>) -> Cyc
         wrong_rate: outcome.wrong_rate,
         singular: outcome.singular,
         wrench: outcome.wrench.map_or([0.0; TASK_AXES], |wrench| wire::padded(wrench.as_slice())),
+        wrench_without_lag: outcome
+            .wrench_without_lag
+            .map_or([0.0; TASK_AXES], |wrench| wire::padded(wrench.as_slice())),
     }
 }
 

@@ -76,6 +76,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
         loops,
         wrench_time_constant: vector(&contact.wrench_time_constant_s)?,
         wrench_dead_time: Span::from_seconds(contact.wrench_dead_time_s),
+        wrench_noise: SVector::from_fn(|axis, _| if is_linear(axis) { environment.wrench_noise_n } else { 0.0 }),
         conditioning: conditioning(&config.wrench)?,
         surface: Surface::plane(
             environment.normal_stiffness_n_m,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use admittance_core::Counters;
 use admittance_core::belief::Snapshot;
 use admittance_core::supervisor::{EnableRefused, ResetRefused};
-use ipc_types::{Instance, TASK_AXES};
+use ipc_types::{Instance, MAX_JOINTS, TASK_AXES};
 
 use super::*;
 use crate::channel::channel;
@@ -58,6 +58,10 @@ impl Cycle for Panics {
 
     fn tool_acceleration(&self) -> [f64; TASK_AXES] {
         [0.0; TASK_AXES]
+    }
+
+    fn joint_motion(&self) -> [[f64; MAX_JOINTS]; 2] {
+        [[0.0; MAX_JOINTS]; 2]
     }
 
     fn counters(&self) -> Counters {

@@ -6,7 +6,7 @@ use crate::{QUANTILES, TASK_AXES};
 
 wire_sample! {
     /// How the daemon is doing: a few times a second.
-    struct DiagnosticsSample: "admittanced.DiagnosticsSample.v1", size 544, writer "admittanced (service thread)" {
+    struct DiagnosticsSample: "admittanced.DiagnosticsSample.v2", size 552, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every sample"]
             "Number of this sample; restarts at 1 with a new boot_id.";
         8 stamp_ns: u64 ["ns", "CLOCK_MONOTONIC, increasing"]
@@ -80,5 +80,7 @@ wire_sample! {
              the start of admittanced; 0 before the first.";
         512 answer_last_second_ns: [u64; QUANTILES] ["ns", ">= 0"]
             "The same within the last complete second.";
+        544 exceeded_count: u64 ["1", ">= 0"]
+            "As in the record.";
     }
 }

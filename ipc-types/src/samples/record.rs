@@ -8,7 +8,7 @@ use crate::{MAX_JOINTS, TASK_AXES};
 wire_sample! {
     /// Inputs and outputs of the daemon's law: everything that a replay or an inspection of a cycle
     /// needs.
-    struct RecordSample: "admittanced.RecordSample.v3", size 2960, writer "admittanced (service thread)" {
+    struct RecordSample: "admittanced.RecordSample.v3", size 3016, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every record"]
             "Number of this record; a reader that sees a gap has lost records. Restarts at 1 with a new boot_id.";
         8 now_ns: u64 ["ns", "CLOCK_MONOTONIC, not decreasing"]
@@ -85,5 +85,11 @@ wire_sample! {
             "The state sample that was answered; all zero without one.";
         864 command: CommandSample ["see CommandSample", "see CommandSample"]
             "The last command: of Sample and Silence the one that answered, once a first state sample had come.";
+        2960 exceeded_count: u64 ["1", ">= 0"]
+            "State samples since the start of admittanced whose wrench_without_lag was beyond the force limit of an axis by \
+             more than the tolerance of the limit and the noise that was told.";
+        2968 wrench_without_lag: [f64; TASK_AXES] ["N, N m", "finite"]
+            "The wrench with the lag of its estimate taken out: mean over the last cycles, as many as its noise needs; 0 \
+             where the sample did not reach the law.";
     }
 }

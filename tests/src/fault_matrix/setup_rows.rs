@@ -192,7 +192,7 @@ fn motions() -> Vec<Row> {
 }
 
 fn models() -> Vec<Row> {
-    use StopReason::{ModelDisagrees, SolverFailed};
+    use StopReason::{ForceExceeded, ModelDisagrees, SolverFailed};
     vec![
         wrong_model(
             "wrong_stiffness",
@@ -208,6 +208,25 @@ fn models() -> Vec<Row> {
             ModelDisagrees,
             vec![FREE, CONTACT, stopping(ModelDisagrees), stopped(ModelDisagrees)],
         ),
+        Row {
+            fault: "The surface is five times as stiff as configured.",
+            scenario: [&[], &[("surface.stiffness_n_m", "5e5")]],
+            ..row(
+                "stiffer_surface",
+                Expectation {
+                    note: "Without contact the model of the surface is not used.",
+                    ..Expectation::undisturbed(FREE)
+                },
+                Expectation {
+                    robot: Robot::MinimumForceStop,
+                    command: vec![FREE, CONTACT, stopping(ForceExceeded), stopped(ForceExceeded)],
+                    log: by_daemon(&["Stopping: ForceExceeded", "Stopped: ForceExceeded"]),
+                    force: Force::VirtualTime,
+                    recovery: vec![Step::RestartPlant, Step::Retreat, Step::Reset],
+                    ..Expectation::undisturbed(CONTACT)
+                },
+            )
+        },
         Row {
             fault: "The solver does not converge.",
             daemon: &[("mpc.max_iterations", "5"), ("mpc.wrench_weight", "[0.01, 0.01]")],

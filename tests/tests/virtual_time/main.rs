@@ -9,4 +9,5 @@ mod heavy_tool;
 mod limits_are_constraints;
 mod paper_experiment;
 mod stops_and_guards;
+mod unlagged;
 mod velocity_loops;

@@ -238,7 +238,8 @@ fn a_stop_for_the_measured_force_comes_to_rest_at_a_low_one() {
 
 #[test]
 fn a_measured_force_above_its_limit_stops_whatever_the_model_says() {
-    let mut experiment = believed_4_mm_deeper();
+    // Without lag: f̂ itself is the first to say so.
+    let mut experiment = believed_4_mm_deeper().with_wrench_lag(0.0);
     experiment.at_instants(8, |share, run| {
         let at = format!("contact at {share}");
         assert_eq!(run.stop_reason(), Some(StopReason::MeasuredForce.code()), "{at}");

@@ -26,6 +26,7 @@ mod contact;
 mod detection;
 mod expectation;
 mod joint_motion;
+mod lag_inverse;
 mod spring_history;
 #[cfg(test)]
 mod tests;
@@ -37,11 +38,13 @@ pub(crate) use contact::{Contact, Felt, SurfaceSigns};
 pub use expectation::Expected;
 pub use joint_motion::JointMotion;
 pub(crate) use joint_motion::JointObserver;
+pub use lag_inverse::{NOISE_DEVIATIONS, WithoutLag};
 
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
 use crate::surface::Surface;
 use detection::Detection;
+use lag_inverse::LagInverse;
 use spring_history::SpringHistory;
 
 /// Where the contact point comes from.
@@ -82,6 +85,21 @@ pub(crate) struct Settings<const D: usize> {
     pub wrench_time_constant: SVector<f64, D>,
     /// By how much later f̂ shows the force, besides.
     pub wrench_dead_time: Span,
+    /// Standard deviation of f̂ per axis in N and N·m, as it is told; 0 where it is not.
+    pub wrench_noise: SVector<f64, D>,
+    /// f_max per axis in N and N·m.
+    pub force_limit: SVector<f64, D>,
+    /// T_s.
+    pub sampling_time: Span,
+}
+
+impl<const D: usize> Settings<D> {
+    /// The noise of f̂ to reckon with: where it is not told, what β leaves room for.
+    fn likely_noise(&self) -> SVector<f64, D> {
+        self.wrench_noise.zip_map(&self.thresholds.activation, |told, activation| {
+            if told > 0.0 { told } else { activation / NOISE_DEVIATIONS }
+        })
+    }
 }
 
 /// The belief as a record keeps it.
@@ -106,6 +124,7 @@ pub(crate) struct Belief<const D: usize> {
     detection: Detection,
     expected: Expected,
     springs: SpringHistory,
+    lag_inverse: LagInverse<D>,
 }
 
 impl<const D: usize> Belief<D> {
@@ -118,6 +137,12 @@ impl<const D: usize> Belief<D> {
             detection: Detection::new(),
             expected: Expected::nothing(),
             springs: SpringHistory::empty(),
+            lag_inverse: LagInverse::new(
+                settings.wrench_time_constant,
+                &settings.likely_noise(),
+                &settings.force_limit,
+                settings.sampling_time,
+            ),
             settings,
         }
     }
@@ -136,17 +161,34 @@ impl<const D: usize> Belief<D> {
     /// Takes over the state of `old`, with these settings: a configured contact point replaces the
     /// old one.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, signs: _, surface, contact, detection, expected, springs } = old;
+        let Self { settings: _, signs: _, surface, contact, detection, expected, springs, lag_inverse } = old;
         if self.settings.contact_point != ContactPoint::Configured {
             self.surface.contact = surface.contact;
         }
         (self.contact, self.detection, self.expected) = (*contact, *detection, *expected);
         self.springs = *springs;
+        self.lag_inverse.take_over(lag_inverse);
     }
 
     /// Which axes feel a force above β.
     pub(crate) fn felt(&self, wrench: &SVector<f64, D>) -> Felt<D> {
         self.settings.thresholds.felt(wrench)
+    }
+
+    /// Takes the lag out of the wrench of a sample: of every one, since it looks back.
+    pub(crate) fn sense<const N: usize>(&mut self, sample: &Accepted<N, D>) {
+        self.lag_inverse.follow(sample);
+    }
+
+    /// The wrench without the lag of f̂.
+    pub(crate) fn without_lag(&self) -> &WithoutLag<D> {
+        self.lag_inverse.force()
+    }
+
+    /// The pressing force in N without the lag of f̂, less what may be noise.
+    pub(crate) fn pressing_without_lag(&self) -> f64 {
+        let WithoutLag { wrench, noise_gain } = self.without_lag();
+        self.surface.pressing_force(wrench) - NOISE_DEVIATIONS * noise_gain.max() * self.settings.wrench_noise.max()
     }
 
     /// Learns from a sample; `felt` is the part of its wrench above β. If the model is `doubted`,
@@ -183,8 +225,9 @@ impl<const D: usize> Belief<D> {
     /// model led to must not rely on that model, by which the spring presses with `spring` (N,
     /// negative above the surface).
     fn trust_force(&mut self, pressing: f64, spring: f64) {
-        // At least what f̂ shows, which lags behind; plus what it shows beyond the expected force.
-        let missing = if pressing > spring { pressing - spring } else { pressing - self.expected.pressing };
+        // At least what f̂ shows, with its lag and without; plus what it shows beyond the expected force.
+        let least = pressing.max(self.pressing_without_lag());
+        let missing = if least > spring { least - spring } else { pressing - self.expected.pressing };
         self.surface.raise(missing / self.surface.normal_stiffness());
         self.springs.raise(missing);
         (self.expected.pressing, self.expected.spring) = (pressing, spring + missing);
@@ -206,9 +249,13 @@ impl<const D: usize> Belief<D> {
         })
     }
 
-    /// Takes every axis out of contact: for an arm that is not under control.
+    /// Takes every axis out of contact: for an arm that is not under control. What is told is believed
+    /// again, where a stop had moved it.
     pub(crate) fn release(&mut self) {
         self.contact = Contact::none();
+        if self.settings.contact_point == ContactPoint::Configured {
+            self.surface.contact = self.settings.surface.contact;
+        }
     }
 
     /// T_est of the axes that feel the surface, in s.

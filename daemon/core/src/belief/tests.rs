@@ -102,6 +102,9 @@ fn a_surface_that_is_told_stays_where_it_is_told() {
     follow(&mut belief, &sample, true);
     let raised = told.height(&belief.surface().contact.position) - told.height(&told.contact.position);
     assert!((raised - 150.0 / STIFFNESS).abs() < 1e-9, "raised by {raised} m");
+    // With the reset what is told is believed again.
+    belief.release();
+    assert_eq!(*belief.surface(), told);
 }
 
 #[test]

@@ -78,7 +78,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let (sample, surface) = (situation.sample, situation.belief.surface());
         let state = situation.at_action(&self.settings, &ForceBounds::none()).state;
         let outward_speed = surface.outward_speed(&(sample.posture.jacobian() * state.joint_velocity));
-        let measured = surface.pressing_force(&sample.wrench);
+        // f̂ lags behind: by it alone a stop would rest while the force still rises.
+        let measured = surface.pressing_force(&sample.wrench).max(situation.belief.pressing_without_lag());
         let coasting = peak_while_coasting(&situation.model, &self.settings.loops, &state, &-surface.normal);
         let limit = self.settings.stop_force;
         outward_speed >= -STANDSTILL && measured <= limit && coasting <= limit

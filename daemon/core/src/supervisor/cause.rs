@@ -20,6 +20,7 @@ vocabulary! {
         Singular = 9 "J has no inverse, or in contact none to stop with.";
         NearlySingular = 10 "J is nearly singular.";
         MeasuredForce = 11 "The measured force is above its limit by more than the guard allows.";
+        ForceExceeded = 24 "The force without the lag of its estimate is above its limit by more than the guard allows.";
         ModelDisagrees = 12 "The measured force is not the predicted one, or pulls.";
         Infeasible = 13 "No input meets the force bounds.";
         FallbackExhausted = 14 "Too many cycles in a row in which the solver ran out of time.";
@@ -47,6 +48,7 @@ impl Cause {
             Self::RateMismatch => Some(StopReason::RateMismatch),
             Self::Singular | Self::NearlySingular => Some(StopReason::Singular),
             Self::MeasuredForce => Some(StopReason::MeasuredForce),
+            Self::ForceExceeded => Some(StopReason::ForceExceeded),
             Self::ModelDisagrees => Some(StopReason::ModelDisagrees),
             Self::Infeasible => Some(StopReason::Infeasible),
             Self::FallbackExhausted => Some(StopReason::FallbackExhausted),
@@ -84,8 +86,13 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             C::StartedInContact => Stopped,
             // Not in control: a cause only changes the reason.
             C::Touch | C::Release | C::ContactLost | C::Disabled | C::Shutdown | C::DrivesDisabled => Idle,
-            C::RateMismatch | C::Singular | C::NearlySingular | C::MeasuredForce | C::ModelDisagrees => Idle,
-            C::Infeasible | C::FallbackExhausted | C::SolverFailed | C::Silence | C::SampleStale => Idle,
+            C::RateMismatch | C::Singular | C::NearlySingular | C::MeasuredForce | C::ForceExceeded => Idle,
+            C::ModelDisagrees
+            | C::Infeasible
+            | C::FallbackExhausted
+            | C::SolverFailed
+            | C::Silence
+            | C::SampleStale => Idle,
             C::SampleInvalid | C::JointCount | C::RetreatOver | C::Rest | C::Reset | C::ForcedReset => Idle,
         },
         Free => match cause {
@@ -94,8 +101,8 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             // What pulls may be the surface: held at once, what the joints still turn would press.
             C::ModelDisagrees => Stopping,
             // A force on no axis in contact: the surface's model cannot stop what the arm has met.
-            C::MeasuredForce | C::StartedInContact | C::Singular | C::NearlySingular => Stopped,
-            C::SampleStale | C::SampleInvalid | C::JointCount => Stopped,
+            C::MeasuredForce | C::ForceExceeded | C::StartedInContact | C::Singular => Stopped,
+            C::NearlySingular | C::SampleStale | C::SampleInvalid | C::JointCount => Stopped,
             C::Ready | C::Release | C::ContactLost | C::Infeasible | C::FallbackExhausted => Free,
             C::SolverFailed | C::RetreatOver | C::Rest | C::Reset | C::ForcedReset => Free,
         },
@@ -111,7 +118,7 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             },
             // In contact the arm stops at the lowest force, as long as it can be controlled.
             C::Disabled | C::Shutdown | C::RateMismatch | C::NearlySingular | C::MeasuredForce => Stopping,
-            C::ModelDisagrees | C::FallbackExhausted | C::SolverFailed => Stopping,
+            C::ForceExceeded | C::ModelDisagrees | C::FallbackExhausted | C::SolverFailed => Stopping,
             C::Silence | C::SampleStale | C::SampleInvalid | C::JointCount => Stopping,
             C::StartedInContact | C::DrivesDisabled | C::Singular => Stopped,
             C::Ready | C::Touch | C::RetreatOver | C::Rest | C::Reset | C::ForcedReset => Contact,
@@ -120,8 +127,13 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             C::Rest | C::StartedInContact | C::DrivesDisabled | C::Singular | C::RetreatOver => Stopped,
             // It is stopping already, and keeps the first reason.
             C::Ready | C::Touch | C::Release | C::ContactLost | C::Disabled | C::Shutdown => Stopping,
-            C::RateMismatch | C::NearlySingular | C::MeasuredForce | C::ModelDisagrees => Stopping,
-            C::Infeasible | C::FallbackExhausted | C::SolverFailed | C::Silence | C::SampleStale => Stopping,
+            C::RateMismatch | C::NearlySingular | C::MeasuredForce | C::ForceExceeded => Stopping,
+            C::ModelDisagrees
+            | C::Infeasible
+            | C::FallbackExhausted
+            | C::SolverFailed
+            | C::Silence
+            | C::SampleStale => Stopping,
             C::SampleInvalid | C::JointCount | C::Reset | C::ForcedReset => Stopping,
         },
         Stopped => match cause {
@@ -130,7 +142,7 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             // Latched: only a person ends it.
             C::Ready | C::Touch | C::Release | C::ContactLost | C::StartedInContact => Stopped,
             C::Disabled | C::Shutdown | C::DrivesDisabled | C::RateMismatch | C::Singular => Stopped,
-            C::NearlySingular | C::MeasuredForce | C::ModelDisagrees | C::Infeasible => Stopped,
+            C::NearlySingular | C::MeasuredForce | C::ForceExceeded | C::ModelDisagrees | C::Infeasible => Stopped,
             C::FallbackExhausted | C::SolverFailed | C::Silence | C::SampleStale | C::SampleInvalid => Stopped,
             C::JointCount | C::RetreatOver | C::Rest => Stopped,
         },

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::Cause;
-use crate::belief::{Belief, ContactSign, Thresholds};
+use crate::belief::{Belief, ContactSign, NOISE_DEVIATIONS, Thresholds, WithoutLag};
 use crate::quantities::{Instant, Span};
 
 /// A pull as brief as this is no contradiction: the tool's own mass pulls while the arm brakes.
@@ -22,21 +22,25 @@ pub struct Guards {
 
 impl Guards {
     /// Whether some |f̂| is above its limit by more than the guard allows.
-    pub(super) fn exceeded<const D: usize>(
-        &self,
-        wrench: &SVector<f64, D>,
-        force_limit: &SVector<f64, D>,
-        admittance: &[bool; D],
-    ) -> Option<Cause> {
+    pub(super) fn measured<const D: usize>(&self, wrench: &SVector<f64, D>, limits: &Limits<'_, D>) -> Option<Cause> {
         let beyond = self.force?;
-        let is_beyond = |axis: usize| admittance[axis] && wrench[axis].abs() > force_limit[axis] + beyond;
-        (0..D).any(is_beyond).then_some(Cause::MeasuredForce)
+        limits.are_passed(wrench, &SVector::repeat(1.0), |_| beyond).then_some(Cause::MeasuredForce)
     }
 
-    /// Whether the force is further from the expected one than the guard allows, in this cycle.
-    pub(super) fn mismatches<const D: usize>(&self, wrench: &SVector<f64, D>, belief: &Belief<D>) -> bool {
+    /// The same of the force without the lag of f̂.
+    pub(super) fn exceeded<const D: usize>(&self, force: &WithoutLag<D>, limits: &Limits<'_, D>) -> Option<Cause> {
+        let beyond = self.force?;
+        limits.are_passed(&force.wrench, &force.noise_gain, |_| beyond).then_some(Cause::ForceExceeded)
+    }
+
+    /// Whether the force is further from the expected one than the guard and noise allow, in this cycle.
+    /// `noise` is the standard deviation of f̂ in N; the expected force has that of the contact point.
+    pub(super) fn mismatches<const D: usize>(&self, wrench: &SVector<f64, D>, noise: f64, belief: &Belief<D>) -> bool {
+        let Some(most) = self.mismatch else { return false };
         let pressing = belief.surface().pressing_force(wrench);
-        self.mismatch.is_some_and(|most| (pressing - belief.expected_pressing()).abs() > most)
+        // The uncertainty is two standard deviations.
+        let by_noise = NOISE_DEVIATIONS * (noise + belief.uncertainty() / 2.0);
+        (pressing - belief.expected_pressing()).abs() > most + by_noise
     }
 
     /// Whether this many cycles in a row are too many.
@@ -45,16 +49,45 @@ impl Guards {
     }
 }
 
-/// Whether the wrench pulls on a surface that can only be pressed. Friction may turn the sign of
-/// one axis, never that of the force along the normal.
+/// The limits of the force, and the noise that it is measured with.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limits<'a, const D: usize> {
+    /// f_max per axis in N and N·m.
+    pub force: &'a SVector<f64, D>,
+    /// Standard deviation of f̂ in N and N·m.
+    pub noise: &'a SVector<f64, D>,
+    /// Axes that have a limit.
+    pub admittance: &'a [bool; D],
+}
+
+impl<const D: usize> Limits<'_, D> {
+    /// Whether |force| is `beyond` its limit on an axis (N, N·m), and that is not noise. `noise_gain` is
+    /// the noise of the force over that of f̂.
+    pub(super) fn are_passed(
+        &self,
+        force: &SVector<f64, D>,
+        noise_gain: &SVector<f64, D>,
+        beyond: impl Fn(usize) -> f64,
+    ) -> bool {
+        let most =
+            |axis: usize| self.force[axis] + beyond(axis) + NOISE_DEVIATIONS * noise_gain[axis] * self.noise[axis];
+        (0..D).any(|axis| self.admittance[axis] && force[axis].abs() > most(axis))
+    }
+}
+
+/// Whether the wrench pulls on a surface that can only be pressed, by more than β and its `noise` (the
+/// standard deviation in N). Friction may turn the sign of one axis, never that of the force along the
+/// normal.
 pub(super) fn pulls<const D: usize>(
     sign: ContactSign,
     thresholds: &Thresholds<D>,
     wrench: &SVector<f64, D>,
+    noise: f64,
     belief: &Belief<D>,
 ) -> bool {
     let felt = belief.surface_signs().axes(&thresholds.admittance).map(|axis| thresholds.activation[axis]);
-    let pulls = belief.surface().pressing_force(wrench) < -felt.fold(f64::INFINITY, f64::min);
+    let most = felt.fold(f64::INFINITY, f64::min).max(NOISE_DEVIATIONS * noise);
+    let pulls = belief.surface().pressing_force(wrench) < -most;
     sign == ContactSign::Normal && pulls
 }
 
@@ -62,3 +95,6 @@ pub(super) fn pulls<const D: usize>(
 pub(super) fn contradicts(pulled_since: Option<Instant>, now: Instant) -> Option<Cause> {
     pulled_since.filter(|since| now.since(*since) >= BRIEF_PULL).map(|_| Cause::ModelDisagrees)
 }
+
+#[cfg(test)]
+mod tests;

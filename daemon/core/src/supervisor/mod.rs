@@ -60,6 +60,7 @@ pub(crate) struct Supervisor<const D: usize> {
     mode: Mode<D>,
     permission: Permission,
     contacts_lost: u64,
+    exceeded: u64,
 }
 
 impl<const D: usize> Supervisor<D> {
@@ -70,13 +71,14 @@ impl<const D: usize> Supervisor<D> {
         } else {
             (Mode::Idle(Some(StopReason::Disabled)), Permission::Withdrawn(Ending::Disabled))
         };
-        Self { settings, mode, permission, contacts_lost: 0 }
+        Self { settings, mode, permission, contacts_lost: 0, exceeded: 0 }
     }
 
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, mode, permission, contacts_lost } = old;
-        (self.mode, self.permission, self.contacts_lost) = (*mode, *permission, *contacts_lost);
+        let Self { settings: _, mode, permission, contacts_lost, exceeded } = old;
+        (self.mode, self.permission) = (*mode, *permission);
+        (self.contacts_lost, self.exceeded) = (*contacts_lost, *exceeded);
     }
 
     /// The mode.
@@ -100,10 +102,15 @@ impl<const D: usize> Supervisor<D> {
         self.contacts_lost
     }
 
+    /// Cycles in which the force was beyond its limit.
+    pub(crate) fn exceeded(&self) -> u64 {
+        self.exceeded
+    }
+
     /// Whether a stop is under way because the model was wrong.
     pub(crate) fn doubts_model(&self) -> bool {
         let Mode::Stopping(Stopping { stop, .. }) = &self.mode else { return false };
-        matches!(stop.reason, StopReason::MeasuredForce | StopReason::ModelDisagrees)
+        matches!(stop.reason, StopReason::MeasuredForce | StopReason::ForceExceeded | StopReason::ModelDisagrees)
     }
 
     /// Goes to the mode that a cause leads to at the instant `at`.
@@ -176,18 +183,32 @@ impl<const D: usize> Supervisor<D> {
         if stops_by_model { least * CONDITION_LEFT } else { least }
     }
 
+    /// Counts a cycle in which the force, without the lag of f̂, is beyond what a plan may have.
+    pub(crate) fn count_exceeded(&mut self, belief: &Belief<D>) {
+        let Settings { force_limit, limit_tolerance, .. } = &self.settings;
+        let force = belief.without_lag();
+        let passed = self
+            .settings
+            .limits()
+            .are_passed(&force.wrench, &force.noise_gain, |axis| limit_tolerance * force_limit[axis]);
+        self.exceeded += u64::from(passed);
+    }
+
     /// What the guards say about a sample. In contact they also count the cycles in a row.
     pub(crate) fn guard<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) -> Option<Cause> {
-        let Settings { guards, thresholds, force_limit, sign, .. } = &self.settings;
-        let exceeded = guards.exceeded(&sample.wrench, force_limit, &thresholds.admittance);
+        let Settings { guards, thresholds, wrench_noise, sign, .. } = &self.settings;
+        let (limits, noise) = (self.settings.limits(), wrench_noise.max());
+        let measured = guards.measured(&sample.wrench, &limits);
+        let exceeded = guards.exceeded(belief.without_lag(), &limits);
         match &mut self.mode {
-            Mode::Free { pulled_since } => exceeded.or_else(|| {
-                let pulls = guards::pulls(*sign, thresholds, &sample.wrench, belief);
+            // A touch is for the MPC to judge first: its stop knows what is attainable.
+            Mode::Free { pulled_since } => measured.or(exceeded.filter(|_| !belief.contact().is_any())).or_else(|| {
+                let pulls = guards::pulls(*sign, thresholds, &sample.wrench, noise, belief);
                 *pulled_since = pulls.then(|| pulled_since.unwrap_or(sample.stamp));
                 guards::contradicts(*pulled_since, sample.stamp)
             }),
-            Mode::Contact(memory) => exceeded.or_else(|| {
-                let mismatches = guards.mismatches(&sample.wrench, belief);
+            Mode::Contact(memory) => measured.or(exceeded).or_else(|| {
+                let mismatches = guards.mismatches(&sample.wrench, noise, belief);
                 memory.mismatches = if mismatches { memory.mismatches + 1 } else { 0 };
                 guards.disagrees(memory.mismatches)
             }),

@@ -2,6 +2,7 @@
 
 use nalgebra::SVector;
 
+use super::guards::Limits;
 use super::{Guards, Policy};
 use crate::belief::{ContactSign, Thresholds};
 use crate::intake::Timing;
@@ -39,6 +40,10 @@ pub(crate) struct Settings<const D: usize> {
     pub sign: ContactSign,
     /// f_max per axis in N and N·m.
     pub force_limit: SVector<f64, D>,
+    /// Part of f_max by which a plan may exceed it.
+    pub limit_tolerance: f64,
+    /// Standard deviation of f̂ per axis in N and N·m, as it is told; 0 where it is not.
+    pub wrench_noise: SVector<f64, D>,
     /// f_min per axis in N and N·m.
     pub minimum_force: SVector<f64, D>,
     /// When f_min holds.
@@ -57,4 +62,11 @@ pub(crate) struct Settings<const D: usize> {
     pub stop_timeout: Span,
     /// Whether the first valid sample without contact starts control.
     pub start_enabled: bool,
+}
+
+impl<const D: usize> Settings<D> {
+    /// The limits of the force.
+    pub(super) fn limits(&self) -> Limits<'_, D> {
+        Limits { force: &self.force_limit, noise: &self.wrench_noise, admittance: &self.thresholds.admittance }
+    }
 }

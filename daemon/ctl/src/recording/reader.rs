@@ -81,9 +81,9 @@ impl Recording {
         &self.metadata
     }
 
-    /// The version of its records; the first did not say so.
+    /// The version of its records; fields that were added later are zero.
     pub fn record_version(&self) -> u32 {
-        self.metadata.get(RECORD_VERSION).and_then(|version| version.parse().ok()).unwrap_or(1)
+        self.metadata.get(RECORD_VERSION).map_or(1, |version| version.parse().unwrap_or(PRESENT_RECORD_VERSION))
     }
 
     /// Everything in it, in order. A file that breaks off simply ends.

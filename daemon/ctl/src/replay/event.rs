@@ -48,8 +48,8 @@ pub(super) fn replay(
     replayed
 }
 
-/// Copies fields that a recording of an older version lacks, so that they are not compared.
-pub(super) fn of_version(version: u32, mut replayed: RecordSample, record: &RecordSample) -> RecordSample {
+/// Copies the fields that a record of this version lacks, so that they are not compared.
+pub(super) fn copy_missing(version: u32, replayed: &mut RecordSample, record: &RecordSample) {
     if version < 2 {
         replayed.belief_uncertainty_n = record.belief_uncertainty_n;
         replayed.expected_pressing_n = record.expected_pressing_n;
@@ -60,6 +60,7 @@ pub(super) fn of_version(version: u32, mut replayed: RecordSample, record: &Reco
         replayed.tool_acceleration = record.tool_acceleration;
         replayed.joint_velocity = record.joint_velocity;
         replayed.joint_acceleration = record.joint_acceleration;
+        replayed.exceeded_count = record.exceeded_count;
+        replayed.wrench_without_lag = record.wrench_without_lag;
     }
-    replayed
 }

@@ -50,7 +50,7 @@ pub(crate) struct Session<'a> {
 
 impl<'a> Session<'a> {
     /// A replay that begins with this configuration; those of later records replace it.
-    /// `record_version`: that of its records.
+    /// Fields that records of `record_version` lack are not compared.
     pub(crate) fn new(
         config: Config,
         configurations: &'a BTreeMap<u64, String>,
@@ -200,8 +200,8 @@ impl<'a> Session<'a> {
             }
             cycle = new;
         }
-        let replayed = event::replay(&mut *cycle, record, kind, &mut self.command);
-        let mut replayed = event::of_version(self.record_version, replayed, record);
+        let mut replayed = event::replay(&mut *cycle, record, kind, &mut self.command);
+        event::copy_missing(self.record_version, &mut replayed, record);
         self.state = State::Comparing(cycle);
         // Before the first sample, and for an order, there is no answer.
         let is_cycle = matches!(kind, RecordKind::Sample | RecordKind::Silence);

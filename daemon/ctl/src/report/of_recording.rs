@@ -215,6 +215,10 @@ fn table(config: &Config, series: &Series) -> String {
         (format!("peak measured |f_{}| in {unit}", AXIS_NAMES[axis]), format!("{:.1}", peak(&series.measured))),
         (format!("force limit in {unit}"), config.contact.force_limit[axis].to_string()),
         (
+            "samples with the force beyond its limit since the daemon's start".to_owned(),
+            series.last.as_ref().map_or(0, |last| last.exceeded_count).to_string(),
+        ),
+        (
             "contacts lost since the daemon's start".to_owned(),
             series.last.as_ref().map_or(0, |last| last.contact_losses).to_string(),
         ),

@@ -51,7 +51,8 @@ pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
             response.rejected_count
         );
         println!(
-            "also              limited {}, contacts lost {}, solver failures {}, records dropped {}",
+            "also              force exceeded {}, limited {}, contacts lost {}, solver failures {}, records dropped {}",
+            diagnostics.exceeded_count,
             diagnostics.limited_count,
             diagnostics.contact_losses,
             diagnostics.solver_failures,

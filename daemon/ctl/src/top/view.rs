@@ -139,6 +139,7 @@ fn render_counters(sample: &DiagnosticsSample, area: Rect, buffer: &mut Buffer) 
             ("offset limited", sample.limited_count),
         ]),
         text(&[
+            ("force exceeded", sample.exceeded_count),
             ("contacts lost", sample.contact_losses),
             ("solver failures", sample.solver_failures),
             ("records dropped", sample.dropped_count),

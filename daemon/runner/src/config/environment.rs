@@ -25,9 +25,9 @@ config_section! {
         contact: ContactPointName = ContactPointName::Configured;
         /// Position of the TCP at first contact; not used with contact = "detected".
         contact_point_m: Option<[f64; 3]>, unit "m", range -100.0..=100.0;
-        /// Standard deviation of the wrench estimate on one axis; with contact = "detected" the
-        /// verdict's margin is reduced by the force error that two of them cause through the
-        /// contact point.
+        /// Standard deviation of the wrench's noise on one axis of x y z. The guards of [stopping]
+        /// allow for five of them, and with contact = "detected" the verdict's margin is reduced by
+        /// the force error that two of them cause through the contact point. 0 is not told.
         wrench_noise_n: f64 = 0.0, unit "N", range 0.0..=100.0;
         /// Orientation of the TCP at first contact: fixed-axis roll, pitch, yaw.
         contact_rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;

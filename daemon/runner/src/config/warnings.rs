@@ -1,23 +1,20 @@
 //! What is accepted and yet hardly meant.
 
 use super::Config;
+use admittance_core::belief::NOISE_DEVIATIONS;
 use admittance_core::quantities::{AXIS_NAMES, is_linear};
-
-/// β should be so many standard deviations of the wrench's noise: white noise at 1 kHz passes four of
-/// them every 16 s, five every half hour.
-const DEVIATIONS: f64 = 5.0;
 
 impl Config {
     /// Sentences about this (checked) configuration, for whoever loads it.
     pub fn warnings(&self) -> Vec<String> {
         let (contact, noise) = (&self.contact, self.environment.wrench_noise_n);
-        let least = DEVIATIONS * noise;
+        let least = NOISE_DEVIATIONS * noise;
         let is_noisy = |axis: &usize| {
             is_linear(*axis) && contact.admittance_axes[*axis] && contact.activation_threshold[*axis] < least
         };
         let warning = |axis: usize| {
             format!(
-                "contact.activation_threshold[{axis}] = {} N on {} is below {DEVIATIONS} standard deviations of the wrench's \
+                "contact.activation_threshold[{axis}] = {} N on {} is below {NOISE_DEVIATIONS} standard deviations of the wrench's \
                  noise (environment.wrench_noise_n = {noise} N): noise alone may count as a contact; give at least {least} N",
                 contact.activation_threshold[axis],
                 AXIS_NAMES.get(axis).unwrap_or(&"?"),

@@ -7,6 +7,7 @@ use plant_sim::run::VirtualRun;
 use plant_sim::scenario::{Scenario, SensorSection};
 
 use super::*;
+use crate::recording::PRESENT_RECORD_VERSION;
 
 const CONFIG: &str = include_str!("../../../../../deploy/demo/mpc-default.toml");
 const SCENARIO: &str = include_str!("../../../../../plant-sim/scenarios/paper.toml");
@@ -59,7 +60,7 @@ fn replay(records: &[RecordSample]) -> (Option<u64>, u64) {
 /// The same under another configuration.
 fn replay_of(config: Config, records: &[RecordSample]) -> (Option<u64>, u64) {
     let configurations = BTreeMap::new();
-    let mut session = Session::new(config, &configurations, 3).expect("a known arm");
+    let mut session = Session::new(config, &configurations, PRESENT_RECORD_VERSION).expect("a known arm");
     for record in records {
         if session.take(record).expect("sound records").is_some() {
             return (Some(record.sequence), session.compared());

@@ -1,0 +1,49 @@
+//! What the guards take for noise.
+
+use nalgebra::Vector2;
+
+use super::*;
+use crate::common;
+use crate::parameters::Parameters;
+
+const GUARDS: Guards = Guards { force: Some(10.0), mismatch: Some(50.0), mismatch_cycles: 1 };
+
+/// What may be noise of 2 N: five deviations.
+const NOISE: f64 = 10.0;
+
+fn parameters() -> Parameters<2, 2> {
+    Parameters { sign: ContactSign::Normal, ..common::parameters() }
+}
+
+#[test]
+fn a_force_is_beyond_its_limit_by_more_than_guard_and_noise() {
+    let (force, noise) = (Vector2::new(200.0, 100.0), Vector2::repeat(2.0));
+    let limits = Limits { force: &force, noise: &noise, admittance: &[true, true] };
+    let measured = |x: f64, y: f64| GUARDS.measured(&Vector2::new(x, y), &limits);
+    assert_eq!(measured(209.9 + NOISE, 109.9 + NOISE), None);
+    assert_eq!(measured(-210.1 - NOISE, 0.0), Some(Cause::MeasuredForce));
+    assert_eq!(measured(0.0, 110.1 + NOISE), Some(Cause::MeasuredForce));
+    // The lag taken out makes seven times the noise.
+    let exceeded = |x: f64| {
+        GUARDS.exceeded(&WithoutLag { wrench: Vector2::new(x, 0.0), noise_gain: Vector2::new(7.0, 1.0) }, &limits)
+    };
+    assert_eq!((exceeded(209.9 + 7.0 * NOISE), exceeded(210.1 + 7.0 * NOISE)), (None, Some(Cause::ForceExceeded)));
+    let blind = Guards { force: None, ..GUARDS };
+    assert_eq!(blind.measured(&Vector2::repeat(1e4), &limits), None);
+    let limits = Limits { admittance: &[false, true], ..limits };
+    assert_eq!(GUARDS.measured(&Vector2::new(1e4, 0.0), &limits), None, "no admittance axis");
+}
+
+#[test]
+fn noise_is_neither_a_mismatch_nor_a_pull() {
+    let parameters = parameters();
+    let belief = Belief::new(parameters.belief());
+    let pressing = |force: f64| -common::normal() * force;
+    let mismatches = |force: f64, noise| GUARDS.mismatches(&pressing(force), noise, &belief);
+    assert_eq!((mismatches(49.9, 0.0), mismatches(50.1, 0.0)), (false, true), "nothing is expected");
+    assert_eq!((mismatches(49.9 + NOISE, 2.0), mismatches(50.1 + NOISE, 2.0)), (false, true));
+    let pulls =
+        |force: f64, noise| super::pulls(parameters.sign, &parameters.thresholds, &pressing(-force), noise, &belief);
+    assert_eq!((pulls(4.9, 0.0), pulls(5.1, 0.0)), (false, true), "β");
+    assert_eq!((pulls(NOISE - 0.1, 2.0), pulls(NOISE + 0.1, 2.0)), (false, true));
+}

@@ -1,0 +1,149 @@
+//! The wrench without the lag of its estimate: what it shows of a force that f̂ hides, what stops by
+//! it, and what noise must not do.
+
+use end_to_end::closed_loop::{Experiment, Instant, Run};
+use ipc_types::{Mode, StopReason};
+
+/// f_max on both axes, N.
+const LIMIT: f64 = 200.0;
+/// `stopping.force_guard_n` of the demo, N.
+const GUARD: f64 = 100.0;
+
+/// The default profile on a surface that is so many times as stiff as told.
+fn stiffer(sampling_time: f64, speed: f64, factor: f64) -> Experiment {
+    let mut experiment = Experiment::paper(sampling_time, speed);
+    experiment.scenario.surface.as_mut().expect("a surface").stiffness_n_m *= factor;
+    experiment
+}
+
+fn peak_of(run: &Run, wrench: impl Fn(&Instant) -> [f64; 6]) -> f64 {
+    run.instants.iter().flat_map(|at| wrench(at).map(f64::abs)).fold(0.0, f64::max)
+}
+
+#[test]
+fn without_its_lag_the_estimate_shows_nearly_the_whole_peak_and_never_more() {
+    for (sampling_time, speed, factor) in
+        [(0.004, 0.32, 1.0), (0.004, 0.16, 5.0), (0.001, 0.64, 1.0), (0.001, 0.32, 5.0)]
+    {
+        stiffer(sampling_time, speed, factor).at_instants(8, |share, run| {
+            let what = format!("{speed} m/s at {sampling_time} s, stiffness x {factor}, contact at {share}");
+            let real = run.peak(0).max(run.peak(1));
+            let shown = peak_of(run, |at| at.report.wrench_without_lag) / real;
+            assert!((0.9..=1.0 + 1e-9).contains(&shown), "{what}: {shown} of {real} N");
+            let before_stop = run.instants.iter().take_while(|at| !at.is_in(Mode::Stopped));
+            let felt = before_stop.flat_map(|at| at.report.wrench.map(f64::abs)).fold(0.0, f64::max) / real;
+            assert!(felt < 0.83, "{what}: f̂ alone shows {felt}");
+        });
+    }
+}
+
+#[test]
+fn a_stiffness_five_times_too_low_is_stopped_and_rests_at_a_low_force() {
+    let mut by_force = 0;
+    // Half of the speed that the verdict accepts, and less.
+    for (sampling_time, speed) in [(0.004, 0.12), (0.004, 0.16), (0.001, 0.25), (0.001, 0.32)] {
+        stiffer(sampling_time, speed, 5.0).at_instants(16, |share, run| {
+            let what = format!("{speed} m/s at {sampling_time} s, contact at {share}");
+            let reason = run.stop_reason().and_then(StopReason::from_code);
+            let expected = [StopReason::ForceExceeded, StopReason::ModelDisagrees].map(Some);
+            assert!(expected.contains(&reason), "{what}: {reason:?}");
+            by_force += u32::from(reason == Some(StopReason::ForceExceeded));
+            assert!(run.counters.exceeded > 0, "{what}: it is counted too");
+            // No bouncing before the stop, and no rest by the f̂ that still rises.
+            let stop = run.instants.iter().find(|at| !at.is_in(Mode::Free) && !at.is_in(Mode::Contact));
+            assert_eq!(stop.expect("stopped").truth.contact_losses, 0, "{what}");
+            let rest = run.last().truth.normal_force_n;
+            assert!(run.last().is_in(Mode::Stopped) && rest <= LIMIT / 2.0, "{what}: rests at {rest} N");
+        });
+    }
+    assert!(by_force > 32, "{by_force} of 64 by the force, the others by the model");
+}
+
+#[test]
+fn no_force_far_beyond_its_limit_is_silent() {
+    let mut beyond = 0;
+    for factor in [2.0, 5.0] {
+        for (sampling_time, speeds) in [(0.004, [0.08, 0.16, 0.25]), (0.001, [0.16, 0.32, 0.5])] {
+            for speed in speeds {
+                let (mut worst, mut counted, mut stopped) = (0.0_f64, 0, 0);
+                stiffer(sampling_time, speed, factor).at_instants(16, |share, run| {
+                    let what = format!("{speed} m/s at {sampling_time} s, stiffness x {factor}, contact at {share}");
+                    let real = run.peak(0).max(run.peak(1));
+                    worst = worst.max(real);
+                    counted += u32::from(run.counters.exceeded > 0);
+                    stopped += u32::from(run.stop_reason().is_some());
+                    if real > 1.1 * LIMIT {
+                        beyond += 1;
+                        assert!(run.counters.exceeded > 0, "{what}: {real} N, not counted");
+                    }
+                    if real > 1.1 * (LIMIT + GUARD) {
+                        assert!(run.stop_reason().is_some(), "{what}: {real} N, not stopped");
+                    }
+                    if real <= LIMIT {
+                        let is_by_force = run.stop_reason() == Some(StopReason::ForceExceeded.code());
+                        assert_eq!((run.counters.exceeded, is_by_force), (0, false), "{what}: {real} N");
+                    }
+                });
+                println!(
+                    "stiffness x {factor}, {speed} m/s at {sampling_time} s: at most {worst:.0} N; of 16 {counted} counted, \
+                     {stopped} stopped"
+                );
+            }
+        }
+    }
+    assert!(beyond > 30, "{beyond} contacts beyond the limit");
+}
+
+#[test]
+fn the_force_guard_without_lag_takes_the_guard_that_is_told() {
+    let mut experiment = stiffer(0.004, 0.16, 5.0);
+    experiment.config.stopping.mismatch_n = None;
+    experiment.config.stopping.force_guard_n = None;
+    experiment.at_instants(4, |share, run| {
+        assert_eq!(run.stop_reason(), None, "no guard is told, contact at {share}");
+        assert!(run.counters.exceeded > 0, "counted all the same");
+    });
+}
+
+/// Presses for `duration` s with noise of 2 N that is told; β is five standard deviations.
+fn noisy(sampling_time: f64, seed: u64, duration: f64) -> Experiment {
+    // Onto the surface, then at rest on it: a slide would leave the arm's reach.
+    let mut experiment =
+        Experiment::paper(sampling_time, 0.16).with_motion(&[(0.4, &[0.0, -0.16]), (duration - 0.4, &[0.0, -0.002])]);
+    experiment.scenario.noise.wrench = 2.0;
+    experiment.scenario.noise.seed = seed;
+    experiment.config.environment.wrench_noise_n = 2.0;
+    experiment.config.contact.activation_threshold = vec![10.0, 10.0];
+    experiment
+}
+
+/// No stop and no count in so long a noise, half of it in contact, half above the surface.
+fn nothing_in(sampling_time: f64, seconds: f64) {
+    const PIECE_S: f64 = 20.0;
+    assert_eq!(noisy(sampling_time, 1, PIECE_S).config.warnings(), Vec::<String>::new());
+    for seed in 0..(seconds / PIECE_S / 2.0).ceil() as u64 {
+        let pressed = noisy(sampling_time, seed, PIECE_S);
+        let mut free = noisy(sampling_time, seed + 1000, PIECE_S).with_motion(&[(PIECE_S, &[0.0, 0.0])]);
+        (free.scenario.surface, free.scenario.start.contact_time_s) = (None, None);
+        for (experiment, touches) in [(pressed, true), (free, false)] {
+            let run = experiment.run();
+            let what = format!("at {sampling_time} s, seed {seed}, in contact: {touches}");
+            assert_eq!((run.stop_reason(), run.counters.exceeded), (None, 0), "{what}");
+            // Five deviations are passed once or twice in an hour: a touch by noise, and no stop.
+            assert!(run.touched() || !touches, "{what}");
+        }
+    }
+}
+
+#[test]
+fn two_newtons_of_noise_stop_nothing() {
+    nothing_in(0.004, 80.0);
+    nothing_in(0.001, 40.0);
+}
+
+#[test]
+#[ignore = "an hour of virtual time at each cycle time: minutes"]
+fn two_newtons_of_noise_stop_nothing_in_an_hour() {
+    nothing_in(0.004, 3600.0);
+    nothing_in(0.001, 3600.0);
+}
