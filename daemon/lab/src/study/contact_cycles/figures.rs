@@ -21,6 +21,8 @@ struct Counts {
     solver_failures: u64,
     /// Cycles in contact or in a stop without a usable answer, whatever the reason.
     fallbacks: u64,
+    /// Iterations of a problem in the mean.
+    iterations_mean: f64,
     /// Most iterations of a problem.
     iterations_max: u32,
     /// By reason.
@@ -30,6 +32,7 @@ struct Counts {
 impl Counts {
     fn of<'a>(seen: impl Iterator<Item = &'a Seen> + Clone) -> Self {
         let sum = |what: fn(&Seen) -> u64| seen.clone().map(what).sum();
+        let (solves, iterations) = (sum(|seen| seen.outcomes.solves), sum(|seen| seen.outcomes.iterations));
         let mut stops = BTreeMap::new();
         for reason in seen.clone().filter_map(|seen| seen.stop_reason) {
             *stops.entry(reason.to_string()).or_insert(0) += 1;
@@ -37,10 +40,11 @@ impl Counts {
         Self {
             contacts: seen.clone().count(),
             contact_cycles: sum(|seen| seen.contact_cycles),
-            solves: sum(|seen| seen.outcomes.solves),
+            solves,
             infeasible: sum(|seen| seen.outcomes.infeasible),
             solver_failures: sum(|seen| seen.outcomes.failed),
             fallbacks: sum(|seen| seen.unanswered),
+            iterations_mean: iterations as f64 / solves.max(1) as f64,
             iterations_max: seen.map(|seen| seen.outcomes.iterations_max).max().unwrap_or(0),
             stops,
         }
@@ -88,7 +92,7 @@ impl Figures {
             "infeasible",
             "failed",
             "fallbacks",
-            "most iterations",
+            "iterations: mean, most",
             "stops",
         ]);
         let all = [("all", &self.all)];
@@ -96,7 +100,9 @@ impl Figures {
             let counts = [of.contact_cycles, of.solves, of.infeasible, of.solver_failures, of.fallbacks];
             let stops: Vec<String> = of.stops.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
             let row = [name.to_owned(), of.contacts.to_string()].into_iter();
-            let row = row.chain(counts.map(|count| count.to_string())).chain([of.iterations_max.to_string()]);
+            let row = row
+                .chain(counts.map(|count| count.to_string()))
+                .chain([format!("{:.1}, {}", of.iterations_mean, of.iterations_max)]);
             table.add_row(row.chain([stops.join(", ")]));
         }
         format!("{table}\n{} contacts with a problem that had no usable answer (seed {})", self.found.len(), self.seed)

@@ -14,6 +14,8 @@ pub(super) struct Outcomes {
     pub(super) infeasible: u64,
     /// Problems that it gave up.
     pub(super) failed: u64,
+    /// Iterations of all of them.
+    pub(super) iterations: u64,
     /// Most iterations of a problem.
     pub(super) iterations_max: u32,
 }
@@ -54,6 +56,7 @@ impl<S: QpSolver> QpSolver for Watched<S> {
         seen.solves += 1;
         seen.infeasible += u64::from(matches!(outcome, QpOutcome::Infeasible { .. }));
         seen.failed += u64::from(matches!(outcome, QpOutcome::Failed { .. }));
+        seen.iterations += u64::from(outcome.iterations());
         seen.iterations_max = seen.iterations_max.max(outcome.iterations());
         outcome
     }
