@@ -55,6 +55,6 @@ fn a_steady_contact_of_a_foreign_plant_is_solved_in_every_cycle() {
             iterations = iterations.max(report.iterations);
         }
         println!("weight {weight:?}: {contacts} cycles in contact, at most {iterations} iterations");
-        assert!(contacts > 600 && SAMPLES.len() % SAMPLE_LENGTH == 0, "{contacts} cycles in contact");
+        assert!(contacts > 600 && SAMPLES.len().is_multiple_of(SAMPLE_LENGTH), "{contacts} cycles in contact");
     }
 }
