@@ -17,7 +17,7 @@ use plant_sim::run::VirtualRun;
 use watched::{Outcomes, Watched};
 
 /// Contacts whose figures are added up at a time; of the last ones some may be too many.
-const BATCH: u64 = 64;
+const BATCH: u64 = 16;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
