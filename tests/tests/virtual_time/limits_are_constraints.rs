@@ -2,7 +2,7 @@
 //! in some cycle and kept by every plan, so that nothing is left for a clamp after the law.
 
 use admittance_core::robot::right_inverse;
-use end_to_end::closed_loop::{Experiment, Instant, Run};
+use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
 use ipc_types::{Mode, Source};
 use nalgebra::{SVector, Vector2};
 
@@ -96,6 +96,34 @@ fn joint_position() {
         let beyond = beyond.map(|at| sign * (at.truth.joint_position[joint] - limit)).fold(f64::NEG_INFINITY, f64::max);
         assert!(beyond <= 1e-6, "{name}: the joint passes its limit by {beyond} rad");
         assert_eq!(run.losses(), 0, "{name}");
+    }
+}
+
+#[test]
+fn joint_position_with_a_rate_too_slow_to_keep_it() {
+    // ṗ0 begins to slide at once; to end that takes the offset longer than the horizon sees ahead. So the
+    // joint has to pass its limit, as far as it cannot help, and every cycle has an answer.
+    for (rate, speed) in [(0.5, 0.06), (0.3, 0.06), (0.5, 0.1)] {
+        let slide = [speed * NORMAL[1], -speed * NORMAL[0]];
+        let phases: [(f64, &[f64]); 3] = [(0.6, &[0.0, -0.01]), (0.3, &slide), (0.2, &[0.0, 0.0])];
+        let mut experiment = Experiment::paper(0.004, 0.01).with_motion(&phases);
+        // So much that unequal lags of the joints do not take it off the surface.
+        experiment.config.contact.normal_force_reference_n = 100.0;
+        experiment.config.limits.inward_rate_m_s2 = Some(vec![rate, rate]);
+        experiment.config.limits.outward_rate_m_s2 = Some(vec![rate, rate]);
+        let free = experiment.run();
+        let start = free.instants.iter().find(|at| at.time() >= 0.6).expect("the slide").truth.joint_position[0];
+        let limit = start - 0.001;
+        experiment.config.limits.joint_position_min_rad = Some(vec![limit, -3.0]);
+        experiment.config.limits.joint_position_max_rad = Some(vec![3.0, 3.0]);
+        let run = experiment.run();
+        let what = format!("{rate} m/s^2, {speed} m/s");
+        let beyond = run.instants.iter().map(|at| limit - at.truth.joint_position[0]).fold(f64::NEG_INFINITY, f64::max);
+        println!("{what}: passes the limit by {beyond} rad");
+        assert_eq!((run.counters.fallback, run.stop_reason(), run.infeasible()), (0, None, 0), "{what}");
+        assert!(beyond > 1e-3, "{what}: the rate is fast enough, {beyond} rad");
+        // The way to standstill at that rate; here the joint turns by about 1 rad a metre.
+        assert!(beyond < speed * speed / (2.0 * rate), "{what}: passes the limit by {beyond} rad");
     }
 }
 

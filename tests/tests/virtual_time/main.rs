@@ -5,6 +5,7 @@ mod contact_ends;
 mod deadline;
 mod default_profile;
 mod detection;
+mod foreign_contact;
 mod heavy_tool;
 mod limits_are_constraints;
 mod paper_experiment;

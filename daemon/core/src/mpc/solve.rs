@@ -11,6 +11,9 @@ use super::{Mpc, Settings, Situation, Solution};
 use crate::quantities::Span;
 use crate::robot::Interval;
 
+/// Part of the straight way to standstill that a plan may be longer, for rounding.
+const ROOM: f64 = 1e-3;
+
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
     /// Solves a prediction whose inputs act on top of `known_twist` in each step, and leaves them
     /// in the plan.
@@ -153,9 +156,15 @@ impl<const N: usize, const D: usize> Settings<N, D> {
             before[axis].abs() / slowest
         };
         let braking = (0..D).map(longest).fold(0.0, f64::max);
-        // A reference is held for a step.
-        let held = if braking > 0.0 { self.timing.sampling_time.seconds() } else { 0.0 };
-        let moved = situation.joint_velocity(&before) * (0.5 * braking + held);
+        // Only as far as the horizon sees: a bound at the end of the way would let the arm brake later, again
+        // and again.
+        let steps = self.options.steps();
+        let (mut left, mut way) = (1.0, 0.0);
+        for (step, length) in steps.iter().enumerate() {
+            left = f64::max(0.0, left - steps[step.saturating_sub(1)] / braking);
+            way += left * length;
+        }
+        let moved = situation.joint_velocity(&before) * (way * (1.0 + ROOM));
         Interval {
             lower: limits.lower.inf(&rest).inf(&(rest + moved)),
             upper: limits.upper.sup(&rest).sup(&(rest + moved)),

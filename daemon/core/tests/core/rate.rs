@@ -67,7 +67,7 @@ fn a_shift_of_one_cycle_is_no_rate_and_uneven_stamps_hide_none() {
     }
     // No two spacings in a row are alike, and they are 25 % too long in the mean.
     let mut controller = scenario(parameters(), &[]);
-    let uneven = |sequence: u64| at(1_000_000_000 + CYCLE * (5 * sequence / 4) + CYCLE / 2 * (sequence % 2));
+    let uneven = |sequence: u64| at(1_000_000_000 + CYCLE * 5 * sequence / 4 + CYCLE / 2 * (sequence % 2));
     let found = (1..=420).find(|&sequence| {
         let sample = Sample { stamp: uneven(sequence), ..pressing(-100.0, sequence) };
         step(&mut controller, &sample).stop_reason == Some(StopReason::RateMismatch)

@@ -13,7 +13,7 @@ use admittance_runner::config::Config;
 
 use crate::{Exit, offline, parallel, plausible, validate};
 pub(crate) use approach::Approach;
-pub(crate) use cell::{FORCE_TOLERANCE_N, limited_axes};
+pub(crate) use cell::{FORCE_TOLERANCE_N, config_for, limited_axes};
 pub(crate) use search::{Found, highest_safe};
 use table::{Limits, Recommended};
 

@@ -12,13 +12,21 @@ use plant_sim::scenario::Scenario;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::limits::{Approach, Found, highest_safe, highest_safe_speed};
+use crate::limits::{self, Approach, Found, highest_safe, highest_safe_speed};
 
 /// The world with a number among those of a seed, for an arm with so many joints.
 pub fn world(seed: u64, index: u64, joints: usize) -> World {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     generator.set_stream(index);
     World::draw(&mut generator, joints)
+}
+
+/// The configuration at another cycle time in s and stiffness in N/m.
+///
+/// # Errors
+/// What its checks do not accept.
+pub fn config_for(base: &Config, sampling_time_s: f64, stiffness_n_m: f64) -> Result<Config, String> {
+    limits::config_for(base, sampling_time_s, stiffness_n_m)
 }
 
 /// A configured cell, and the way in which its arm approaches the surface.

@@ -122,7 +122,7 @@ impl World {
     }
 
     /// Makes the plant this world, as far as `is_on` says.
-    pub(super) fn apply(&self, scenario: &mut Scenario, is_on: impl Fn(Cause) -> bool) {
+    pub fn apply(&self, scenario: &mut Scenario, is_on: impl Fn(Cause) -> bool) {
         let planar = scenario.robot.task_axes == 2;
         if let Some(surface) = &mut scenario.surface {
             if is_on(Cause::Stiffness) {

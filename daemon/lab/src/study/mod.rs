@@ -5,6 +5,7 @@ mod approach;
 mod arm;
 mod attainable;
 mod closed_loop;
+mod contact_cycles;
 mod controller;
 mod draw;
 mod ocp;
@@ -50,6 +51,13 @@ enum What {
         sample on would not have kept it either. False stop: a stop although full outward speed keeps the limit. Silent: over \
         the limit without a stop or an infeasible verdict. Losses count from 50 ms after the first touch.")]
     Robustness(robustness::Args),
+    /// Press with six and seven joints for long, in many poses: the solver answers every cycle.
+    #[command(after_help = "Examples:\n  admittance-lab study contact-cycles --cycles 10000000 --seed 1\n  \
+        admittance-lab study contact-cycles --seed 1 --index 17\n\n\
+        Poses, surfaces, stiffness, weights and motions are drawn at random, and what nobody told as in `study robustness`. \
+        Fallback: a cycle in contact or in a stop without a usable answer, although time does not run out. The same seed gives \
+        the same answer, whatever the number of threads. Exit code 1: something was FOUND.")]
+    ContactCycles(contact_cycles::Args),
     /// Say all about one contact of a verdict study.
     #[command(after_help = "Example:\n  admittance-lab study case --seed 1 --index 42 --save /tmp/case-42")]
     Case(CaseArgs),
@@ -84,6 +92,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     match &args.what {
         What::Verdict(args) => verdict(args),
         What::Robustness(args) => robustness::run(args),
+        What::ContactCycles(args) => contact_cycles::run(args),
         What::Case(args) => one_of_them(args),
     }
 }
