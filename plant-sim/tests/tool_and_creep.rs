@@ -99,6 +99,7 @@ fn a_sensor_feels_what_accelerates_the_tool_through_its_filter() {
 #[test]
 fn a_surface_that_creeps_is_hard_at_first_and_soft_when_held() {
     let mut told = paper(0.3);
+    told.start.contact_time_s = Some(0.2);
     told.motion[0].duration_s = 0.35;
     told.motion.truncate(1);
     let plain = run(&told, |_| vec![0.0; 2]);
