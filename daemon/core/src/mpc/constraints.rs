@@ -240,9 +240,9 @@ impl Layout {
 
     /// What row number `number` bounds; `None` when there is no such row.
     pub fn row(&self, number: usize) -> Option<Row> {
-        let is_in =
-            |section: &&Section<8>| (section.offset..section.offset + section.len * section.instants).contains(&number);
-        let (kind, section) = KINDS.into_iter().zip(&self.sections).find(|(_, section)| is_in(section))?;
+        // Sections follow one another.
+        let is_before_end = |section: &Section<8>| number < section.offset + section.len * section.instants;
+        let (kind, section) = KINDS.into_iter().zip(&self.sections).find(|(_, section)| is_before_end(section))?;
         let index = number - section.offset;
         Some(Row {
             kind,

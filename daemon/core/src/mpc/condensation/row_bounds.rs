@@ -143,7 +143,8 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
             (minimum[index], maximum[index]) = (bound.minimum, bound.maximum);
             offset[index] = bound.sign * self.model.wrench_offset[bound.axis];
         }
-        let softly = Weighted::new(&minimum, &[f64::INFINITY; M]);
+        let is_soft = p.softened() == Some(Softened::Minimum);
+        let softly = is_soft.then(|| Weighted::new(&minimum, &[f64::INFINITY; M]));
         if p.slack.is_some() {
             minimum = [f64::NEG_INFINITY; M];
         }
@@ -155,7 +156,7 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
             force.plus(offset)
         });
         bounds.put(self.rows(RowKind::Force), self.bounded, forces.clone().map(|force| (force, interval)));
-        if p.softened() == Some(Softened::Minimum) {
+        if let Some(softly) = softly {
             bounds.put(self.rows(RowKind::MinimumForce), self.bounded, forces.map(|force| (force, softly)));
         }
         if p.slack.is_some() {

@@ -213,8 +213,9 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
     for ((k, ((step, joints), wrench)), place) in
         (0..steps.len()).rev().zip(backward).zip(gradient.as_chunks_mut::<M>().0)
     {
-        let share = rows.horizon.share(k);
-        if !is_even {
+        // Even steps count once each.
+        let share = (!is_even).then(|| rows.horizon.share(k));
+        if let Some(share) = share {
             filter = Filter::of(axes, step);
             weight = estimates.weight.times(SimdVector::splat(share));
         }
@@ -224,7 +225,7 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
         if follows_within {
             reference = reference.plus(estimates.sensitivity_within(axes, step, push, &mut costate));
         }
-        let off = wanted.times(SimdVector::splat(share));
+        let off = share.map_or(wanted, |share| wanted.times(SimdVector::splat(share)));
         *place = rows.inputs.transposed_times(reference).minus(off).array();
         costate.position = costate.position.plus(estimates.gradients.transposed_times(push.times(filter.by_start)));
         push = push.times(filter.decay);
@@ -237,12 +238,15 @@ fn add_joint_cost<const N: usize, const D: usize, const M: usize, const C: usize
     rows: &MpcRows<'_, N, D, M, C>,
     jacobian: &SimdMatrix<D, N>,
     joints: &Joints<N, C>,
-    share: f64,
+    share: Option<f64>,
     costate: &mut Joints<N, C>,
 ) {
-    let (set_point, share) = (&rows.prediction.set_point, SimdVector::splat(share));
-    let q = joints.position.minus(SimdVector::of(&set_point.joint_position)).times(share);
-    let v = joints.carried[0].minus(SimdVector::of(&set_point.joint_velocity)).times(share);
+    let set_point = &rows.prediction.set_point;
+    let mut q = joints.position.minus(SimdVector::of(&set_point.joint_position));
+    let mut v = joints.carried[0].minus(SimdVector::of(&set_point.joint_velocity));
+    if let Some(share) = share {
+        (q, v) = (q.times(SimdVector::splat(share)), v.times(SimdVector::splat(share)));
+    }
     match rows.prediction.weights {
         Weights::Joint { position, velocity, .. } => {
             costate.position = q.times_plus(SimdVector::of(position), costate.position);
