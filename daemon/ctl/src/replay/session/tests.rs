@@ -1,8 +1,10 @@
 //! Records of a contact in virtual time, replayed.
 
+use admittance_host::robot_description::VelocityLoopDescription;
 use admittance_runner::config::GivenInName;
 use admittance_runner::cycle;
 use admittance_runner::virtual_time::VirtualTime;
+use ipc_types::MAX_JOINTS;
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::{Scenario, SensorSection};
 
@@ -149,5 +151,24 @@ fn a_replay_that_begins_late_knows_how_the_tool_was_moved() {
     assert_eq!(replay_of(config.clone(), &records[begin..]), (None, late));
     // It is the record that tells.
     records[begin].tool_acceleration = [0.0; 6];
+    assert_eq!(replay_of(config, &records[begin..]).1, 0);
+}
+
+#[test]
+fn a_replay_that_begins_late_knows_how_the_joints_moved() {
+    let (mut config, mut scenario) = (config(), scenario());
+    // An estimate that forgets in a few run-ins, and is never steady.
+    let loops = VelocityLoopDescription { damping: Some(vec![0.1, 0.0]), dead_time_s: None, report_lag_s: 0.1 };
+    config.robot.velocity_loop = Some(loops.clone());
+    scenario.robot.velocity_loop = Some(loops);
+    scenario.noise.joint_velocity_rad_s = 1e-3;
+    scenario.start.contact_time_s = Some(0.8);
+    let mut records = records_of(&config, &scenario, |_, _| false);
+    let touched = records.iter().position(|record| record.command.active_axes != 0).expect("a contact");
+    let begin = touched - RUN_IN as usize - 10;
+    let late = (records.len() - begin) as u64 - RUN_IN;
+    assert_eq!(replay_of(config.clone(), &records[begin..]), (None, late));
+    // It is the record that tells.
+    records[begin].joint_velocity = [0.0; MAX_JOINTS];
     assert_eq!(replay_of(config, &records[begin..]).1, 0);
 }
