@@ -177,6 +177,9 @@ pub enum ParameterError {
     /// The contact point is to be detected, but the estimates of the axes that feel it differ in
     /// T_est, or have a dead time.
     Detection,
+    /// The wrench has a dead time longer than [`MAX_DELAY_CYCLES`](output::MAX_DELAY_CYCLES), or a tool
+    /// whose inertia would come late as well, or the model is not exact or leaves delays out.
+    WrenchDeadTime,
     /// The storage is shorter than the horizon needs.
     Storage,
 }
@@ -206,6 +209,10 @@ impl core::fmt::Display for ParameterError {
             Self::Detection => {
                 "a detected contact point needs one wrench_time_constant_s on all axes with a normal component, and \
                  no dead time of the wrench"
+            }
+            Self::WrenchDeadTime => {
+                "a dead time of the wrench must be at most 8 sampling times, with exact discretization, modelled delays \
+                 and no tool whose inertia is compensated"
             }
             Self::Storage => "the storage of the MPC is shorter than its horizon needs",
         })
@@ -263,6 +270,9 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         if is_detected && (self.wrench_dead_time > Span::default() || felt().any(|lag| felt().next() != Some(lag))) {
             return Err(ParameterError::Detection);
         }
+        if self.wrench_dead_time > Span::default() && !self.can_wait_for_wrench() {
+            return Err(ParameterError::WrenchDeadTime);
+        }
         match &self.law {
             Law::Damping { damping } if !damping.iter().all(positive) => Err(ParameterError::Damping),
             _ => Ok(()),
@@ -274,13 +284,21 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         let (loops, mpc) = (&self.loops, &self.mpc);
         let known = |value: &f64| *value >= 0.0 && value.is_finite();
         let shortest = mpc.steps().iter().copied().fold(f64::INFINITY, f64::min);
-        let delay = self.timing.command_delay.seconds() + loops.dead_time.max();
+        let most = self.timing.sampling_time * output::MAX_DELAY_CYCLES;
+        let delay = self.timing.command_delay + Span::from_seconds(loops.dead_time.max());
         let is_simple = loops.is_plain() && loops.dead_time.max() == 0.0 && loops.report_lag == 0.0;
         loops.damping.iter().chain(&loops.dead_time).chain([&loops.report_lag]).all(known)
-            && loops.further_dead_time().max() <= shortest
+            && Span::from_seconds(loops.further_dead_time().max()) <= Span::from_seconds(shortest)
             && (is_simple || (mpc.discretization == Discretization::Zoh && mpc.models_delay))
-            && self.wrench_dead_time.seconds() <= output::MAX_DELAY_CYCLES * self.timing.sampling_time.seconds()
-            && (is_simple || delay <= output::MAX_DELAY_CYCLES * self.timing.sampling_time.seconds())
+            && (is_simple || delay <= most)
+    }
+
+    /// Whether a wrench that comes late can be expected.
+    fn can_wait_for_wrench(&self) -> bool {
+        self.wrench_dead_time <= self.timing.sampling_time * output::MAX_DELAY_CYCLES
+            && self.mpc.discretization == Discretization::Zoh
+            && self.mpc.models_delay
+            && self.conditioning.tool_mass == 0.0
     }
 
     /// The admittance axes that feel the surface.

@@ -82,6 +82,10 @@ fn belief(config: &Config) -> Vec<String> {
         lag_s => format!("joint velocities: reported with a lag of {lag_s} s, estimated"),
     });
     lines.push(format!(
+        "wrench: time constants {:?} s, dead time {} s",
+        config.contact.wrench_time_constant_s, config.contact.wrench_dead_time_s
+    ));
+    lines.push(format!(
         "a command acts {} s after its sample{}",
         control.command_delay_s,
         if config.mpc.model_delay { "" } else { ", which the model leaves out" }

@@ -39,6 +39,7 @@ fn validate_says_what_is_believed_of_the_arm() {
         "joint 0: speed loop of second order, 66.7 rad/s at -3 dB, damping 0.7, dead time 0.001 s",
         "joint 1: speed loop of first order, time constant 0.01 s, dead time 0.001 s",
         "joint velocities: reported with a lag of 0.002 s, estimated",
+        "wrench: time constants [0.02, 0.02] s, dead time 0 s",
     ] {
         assert!(text.contains(line), "{text}");
     }

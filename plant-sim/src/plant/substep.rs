@@ -11,7 +11,9 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     pub(super) fn stays_free(&self, duration_ns: u64, reference: &SVector<f64, N>) -> bool {
         let speed = self.parameters.joints.most_speed(&self.joints, reference);
         // What a tool's inertia adds is no straight line over a long step.
-        if self.tool().is_some() && speed.iter().any(|speed| *speed > 0.0) {
+        // Nor is a velocity that is reported with a lag.
+        let shows_speed = self.tool().is_some() || self.parameters.velocity_lag_s > 0.0;
+        if shows_speed && speed.iter().any(|speed| *speed > 0.0) {
             return false;
         }
         if self.parameters.surface.is_none() {

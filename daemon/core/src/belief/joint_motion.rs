@@ -71,7 +71,7 @@ impl<const N: usize, const D: usize> JointObserver<N, D> {
             }
             _ => reported,
         };
-        self.last = Some(*sample);
+        self.last = self.loops.needs_estimate().then_some(*sample);
         self.motion
     }
 
@@ -91,12 +91,7 @@ impl<const N: usize, const D: usize> JointObserver<N, D> {
         let mut shown = last.joint_velocity;
         let lag = loops.report_lag;
         for stretch in under_way.between(last.stamp, sample.stamp, loops.dead_times()) {
-            let mut r = reference(stretch.offset[0]);
-            for joint in 1..N {
-                if stretch.offset[joint] != stretch.offset[0] {
-                    r[joint] = reference(stretch.offset[joint])[joint];
-                }
-            }
+            let r = stretch.references(reference);
             let by_lag = SVector::<f64, 1>::new(lag);
             let step = Discretization::Zoh.without_dead_time(stretch.duration, loops, &by_lag);
             if lag > 0.0 {

@@ -24,6 +24,9 @@ use crate::quantities::{Instant, Span};
 pub const NOISE_DEVIATIONS: f64 = 5.0;
 /// Part of the force limit that the noise of f̄ may take up.
 const LARGEST_NOISE: f64 = 0.25;
+/// Part of a cycle by which the window may be shorter than wanted. After a stamp that is late the next
+/// seems close: what f̂ did in a whole cycle would be taken for what it did in a part of one.
+const JITTER: f64 = 0.1;
 /// Samples that are kept.
 const KEPT: usize = 32;
 
@@ -43,6 +46,8 @@ pub(super) struct LagInverse<const D: usize> {
     time_constant: SVector<f64, D>,
     /// The window per axis in samples: the shortest with little enough noise.
     window: [usize; D],
+    /// T_s.
+    sampling_time: Span,
     /// The last samples of f̂, oldest first.
     stamps: [Instant; KEPT],
     wrenches: [SVector<f64, D>; KEPT],
@@ -79,6 +84,7 @@ impl<const D: usize> LagInverse<D> {
         Self {
             time_constant,
             window,
+            sampling_time,
             stamps: [Instant::default(); KEPT],
             wrenches: [SVector::zeros(); KEPT],
             len: 0,
@@ -88,7 +94,7 @@ impl<const D: usize> LagInverse<D> {
 
     /// Takes over the samples of `old`.
     pub(super) fn take_over(&mut self, old: &Self) {
-        let Self { time_constant: _, window: _, stamps, wrenches, len, force } = old;
+        let Self { time_constant: _, window: _, sampling_time: _, stamps, wrenches, len, force } = old;
         (self.stamps, self.wrenches, self.len, self.force) = (*stamps, *wrenches, *len, *force);
     }
 
@@ -102,7 +108,9 @@ impl<const D: usize> LagInverse<D> {
         self.push(sample.stamp, &sample.wrench);
         let (now, last) = (sample.stamp, self.len - 1);
         for axis in 0..D {
-            let (measured, before) = (sample.wrench[axis], last.checked_sub(self.window[axis]));
+            let least = self.sampling_time * (self.window[axis] as f64 - JITTER);
+            let measured = sample.wrench[axis];
+            let before = (0..last).rev().find(|before| now.since(self.stamps[*before]) >= least);
             // An ideal measurement needs no window.
             let before = before.filter(|_| self.time_constant[axis] > 0.0);
             (self.force.wrench[axis], self.force.noise_gain[axis]) = match before {

@@ -188,7 +188,9 @@ impl<const D: usize> Belief<D> {
     /// The pressing force in N without the lag of f̂, less what may be noise.
     pub(crate) fn pressing_without_lag(&self) -> f64 {
         let WithoutLag { wrench, noise_gain } = self.without_lag();
-        self.surface.pressing_force(wrench) - NOISE_DEVIATIONS * noise_gain.max() * self.settings.wrench_noise.max()
+        let felt = self.signs.axes(&self.settings.thresholds.admittance);
+        let noise = felt.map(|axis| noise_gain[axis] * self.settings.wrench_noise[axis]).fold(0.0, f64::max);
+        self.surface.pressing_force(wrench) - NOISE_DEVIATIONS * noise
     }
 
     /// Learns from a sample; `felt` is the part of its wrench above β. If the model is `doubted`,
@@ -209,21 +211,21 @@ impl<const D: usize> Belief<D> {
         }
         let pressing = self.surface.pressing_force(&sample.wrench);
         let spring = self.surface.spring_force(sample.posture.pose());
-        self.springs.push(sample.stamp, spring.max(0.0));
+        self.springs.push(sample.stamp, spring);
         let shown = self.springs.at(sample.stamp - self.settings.wrench_dead_time);
         if self.contact.is_any() || *contact_point == ContactPoint::Configured {
-            self.expected.follow(sample.stamp, shown, lag);
+            self.expected.follow(sample.stamp, shown.max(0.0), lag);
         } else {
-            self.expected.begin(sample.stamp, shown, pressing);
+            self.expected.begin(sample.stamp, shown.max(0.0), pressing);
         }
         if doubted && self.contact.is_any() {
-            self.trust_force(pressing, spring);
+            self.trust_force(pressing, shown);
         }
     }
 
     /// Moves the surface to where the measured `pressing` force (N) says it is: a stop that a wrong
     /// model led to must not rely on that model, by which the spring presses with `spring` (N,
-    /// negative above the surface).
+    /// negative above the surface) at the pose that f̂ shows.
     fn trust_force(&mut self, pressing: f64, spring: f64) {
         // At least what f̂ shows, with its lag and without; plus what it shows beyond the expected force.
         let least = pressing.max(self.pressing_without_lag());

@@ -6,7 +6,8 @@ use crate::quantities::{Instant, Span};
 /// Samples kept: more than the longest dead time spans.
 const SAMPLES: usize = 16;
 
-/// Pressing forces in N, by the instants at which the spring had them; straight lines in between.
+/// Pressing forces in N, negative above the surface, by the instants at which the spring had them;
+/// straight lines in between.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SpringHistory {
     forces: [(Instant, f64); SAMPLES],
@@ -31,7 +32,7 @@ impl SpringHistory {
 
     /// Adds to every force, in N: the surface is believed to be elsewhere.
     pub(super) fn raise(&mut self, by: f64) {
-        self.forces[..self.len].iter_mut().for_each(|(_, force)| *force = (*force + by).max(0.0));
+        self.forces[..self.len].iter_mut().for_each(|(_, force)| *force += by);
     }
 
     /// The force at an instant; before the first that is known, as it was then.
@@ -55,7 +56,8 @@ impl SpringHistory {
         let (mut value, mut from) = (shown, (start, self.at(start)));
         let within = self.forces[..self.len].iter().filter(|(stamp, _)| *stamp > start && *stamp < now);
         for &to in within.chain(&[(now, self.at(now))]) {
-            value = filtered(value, from.1, to.1, to.0.since(from.0).seconds(), lag);
+            // Above the surface nothing presses.
+            value = filtered(value, from.1.max(0.0), to.1.max(0.0), to.0.since(from.0).seconds(), lag);
             from = to;
         }
         value

@@ -85,12 +85,7 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
             |twist: Option<SVector<f64, D>>| twist.map_or_else(SVector::zeros, |twist| self.joint_velocity(&twist));
         let mut worst = 0.0;
         for stretch in under_way.between(sample.stamp, sample.stamp + delay, loops.dead_times()) {
-            let mut references = reference(twist(stretch.offset[0]));
-            for joint in 1..N {
-                if stretch.offset[joint] != stretch.offset[0] {
-                    references[joint] = reference(twist(stretch.offset[joint]))[joint];
-                }
-            }
+            let references = stretch.references(|offset| reference(twist(offset)));
             let step = settings.options.discretization.without_dead_time(
                 stretch.duration / f64::from(PIECES),
                 loops,

@@ -20,6 +20,19 @@ pub(crate) struct Stretch<const N: usize, const D: usize> {
     pub(crate) offset: [Option<SVector<f64, D>>; N],
 }
 
+impl<const N: usize, const D: usize> Stretch<N, D> {
+    /// What each joint follows, in rad/s, from the joint velocities that an offset stands for.
+    pub(crate) fn references(&self, reference: impl Fn(Option<SVector<f64, D>>) -> SVector<f64, N>) -> SVector<f64, N> {
+        let mut references = reference(self.offset[0]);
+        for joint in 1..N {
+            if self.offset[joint] != self.offset[0] {
+                references[joint] = reference(self.offset[joint])[joint];
+            }
+        }
+        references
+    }
+}
+
 /// The last commands, by the instants from which they act.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct UnderWay<const D: usize> {

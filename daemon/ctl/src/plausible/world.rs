@@ -148,7 +148,7 @@ impl World {
         scenario.robot.velocity_loop = Some(VelocityLoopDescription {
             damping: self.damping.clone().filter(|_| is_on(Cause::SecondOrder)).or(told_damping),
             dead_time_s,
-            report_lag_s: if is_on(Cause::ReportLag) { self.report_lag_s } else { told_lag_s },
+            report_lag_s: told_lag_s + if is_on(Cause::ReportLag) { self.report_lag_s } else { 0.0 },
         });
         if is_on(Cause::WrenchLag) {
             scenario.wrench.time_constant_s.iter_mut().for_each(|lag| *lag *= self.wrench_lag_factor);

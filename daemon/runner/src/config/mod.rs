@@ -2,7 +2,7 @@
 //! file against it.
 
 use admittance_core::output::MAX_DELAY_CYCLES;
-use admittance_core::quantities::is_linear;
+use admittance_core::quantities::{Span, is_linear};
 use admittance_host::config::ConfigError;
 use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
@@ -149,11 +149,21 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
 fn check_wrench_dead_time(config: &Config, errors: &mut Vec<ConfigError>) {
     let (found, sampling_time) = (config.contact.wrench_dead_time_s, config.control.sampling_time_s);
     let mut wants = |accepted: String| errors.push(ConfigError::new("contact.wrench_dead_time_s", found, accepted));
-    if found > MAX_DELAY_CYCLES * sampling_time {
+    if Span::from_seconds(found) > Span::from_seconds(MAX_DELAY_CYCLES * sampling_time) {
         wants(format!("at most {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s"));
     }
     if found > 0.0 && config.environment.contact == ContactPointName::Detected {
         wants("0 with environment.contact = \"detected\"".to_owned());
+    }
+    if found > 0.0 && config.wrench.tool_mass_kg > 0.0 {
+        wants(format!(
+            "0 with wrench.tool_mass_kg = {}: the tool's inertia comes late, too",
+            config.wrench.tool_mass_kg
+        ));
+    }
+    let mpc = &config.mpc;
+    if found > 0.0 && (mpc.discretization == DiscretizationName::Euler || !mpc.model_delay) {
+        wants("0, or mpc.discretization = \"zoh\" and mpc.model_delay = true".to_owned());
     }
 }
 
@@ -174,19 +184,19 @@ fn check_velocity_loop(config: &Config, errors: &mut Vec<ConfigError>) {
         if mpc.discretization == DiscretizationName::Euler {
             wants("mpc.discretization = \"zoh\": Euler's model has loops of first order alone");
         } else if !mpc.model_delay {
-            wants("mpc.model_delay = true: dead times are delays of the model");
+            wants("mpc.model_delay = true: without it the model knows of no delay");
         }
     }
     let dead_times = velocity_loop.dead_time_s.iter().flatten().copied();
     let (least, most) = dead_times.fold((f64::INFINITY, 0.0), |(least, most), t| (t.min(least), t.max(most)));
     let sampling_time = config.control.sampling_time_s;
     let shortest = mpc.step_lengths_s.iter().flatten().copied().fold(sampling_time, f64::min);
-    if most - least > shortest {
+    if Span::from_seconds(most - least) > Span::from_seconds(shortest) {
         let accepted = format!("values at most {shortest} s apart, the shortest step of the prediction");
         errors.push(ConfigError::new(key("dead_time_s"), format!("{least} to {most}"), accepted));
     }
     let left = MAX_DELAY_CYCLES * sampling_time - config.control.command_delay_s;
-    if most > left {
+    if Span::from_seconds(most) > Span::from_seconds(left) {
         let accepted = format!(
             "at most {left} s: with control.command_delay_s {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s"
         );

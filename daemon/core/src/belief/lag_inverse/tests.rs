@@ -61,7 +61,8 @@ fn it_is_the_mean_of_the_force_over_the_window_at_any_spacing() {
         let (mut shown, mut checked) = (0.0_f64, 0);
         for (index, (stamp, estimate)) in stamps.iter().zip(&estimates).enumerate() {
             let found = follow(&mut inverse, index as u64 + 1, (stamp * 1e9) as u64 + 1_000_000_000, [*estimate, 0.0]);
-            let Some(begin) = index.checked_sub(window).map(|before| stamps[before]) else {
+            let is_before = |before: &&f64| stamp - **before >= cycle * (window as f64 - 0.1) - 1e-12;
+            let Some(begin) = stamps[..index].iter().rfind(is_before).copied() else {
                 assert_eq!((found.wrench[0], found.noise_gain[0]), (*estimate, 1.0), "no whole window yet");
                 continue;
             };
@@ -126,4 +127,25 @@ fn after_a_restart_of_the_motion_controller_nothing_of_before_counts() {
     }
     assert_eq!(follow(&mut inverse, 1, 5_000_000, [0.0, 0.0]).wrench[0], 0.0);
     assert!(follow(&mut inverse, 2, 9_000_000, [10.0, 0.0]).wrench[0] > 50.0);
+}
+
+#[test]
+fn a_late_stamp_claims_no_force_that_was_not_there() {
+    // A touch that rises to 145 N and stays there, measured on schedule.
+    let force = |time: f64| (16_000.0 * (time - 0.02)).clamp(0.0, 145.0);
+    for (cycle, noise) in [(0.004, 0.0), (0.001, 0.0), (0.001, 2.0)] {
+        let count = (0.06 / cycle) as usize;
+        let stamps: Vec<f64> = (1..=count).map(|index| cycle * index as f64).collect();
+        let estimates = filtered(force, &stamps);
+        for (late, by) in (1..count - 1).flat_map(|late| [0.3, 0.5, 0.8, 0.95].map(|by| (late, by))) {
+            let mut inverse = inverse(noise, LIMIT, cycle);
+            for (index, (stamp, estimate)) in stamps.iter().zip(&estimates).enumerate() {
+                let stamp = stamp + if index == late { by * cycle } else { 0.0 };
+                let found =
+                    follow(&mut inverse, index as u64 + 1, (stamp * 1e9) as u64 + 1_000_000_000, [*estimate, 0.0]);
+                let what = format!("{cycle} s, sample {index}, {late} late by {by} of a cycle: {found:?}");
+                assert!(found.wrench[0] < 146.0, "{what}");
+            }
+        }
+    }
 }
