@@ -116,7 +116,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             Mode::Idle(_) if supervisor.holds() => output.hold(sample.stamp),
             Mode::Idle(_) => output.rest(sample),
             Mode::Free { .. } | Mode::Contact(_) => {
-                output.go_on(sample, belief.contact().is_any(), supervisor.is_enabled())
+                let free = supervisor.free_offset(sample, belief);
+                output.go_on(sample, belief.contact().is_any(), supervisor.is_enabled(), &free)
             }
             Mode::Stopping(_) | Mode::Stopped(_) => output.hold_or_retreat(sample, belief.surface()),
         });

@@ -14,6 +14,10 @@ use crate::output::{MAX_STEPS, Plan};
 /// is low enough that a dip between samples, which may be unavoidable, does not cause the next impact.
 const KEPT: Slack = Slack { softened: Softened::Minimum, price: 1.0, curvature: 0.1 };
 
+/// R once the impact is over, relative to R. An impact wants the arm to brake at once; afterwards a loop that
+/// lags more than it was told would bounce for as long as the law corrects it within a few cycles.
+const SETTLING: f64 = 100.0;
+
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
     /// Solves (18) for what a contact asks. `expired` is called before and between solver
     /// iterations.
@@ -94,7 +98,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let normal_force = options.normal_force_reference.max(kept);
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
-            let way = (&(sample.twist_reference + output.offset()), &sample.twist_reference);
+            let excess = -surface.outward_speed(&sample.twist_reference) - demand.inward_speed;
+            let reach = &settings.limits.offset;
+            let slowing =
+                (surface.normal * excess.max(0.0)).zip_map(reach, |slowing, reach| slowing.clamp(-reach, reach));
+            let way = (&(sample.twist_reference + output.offset()), &(sample.twist_reference + slowing));
             constraints.bound_inward_speed(demand.inward_speed, &surface.normal, known_twist, way, options.steps());
         }
         let prediction = Prediction {
@@ -112,7 +120,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             },
             weights: &options.weights,
             jacobian: *sample.posture.jacobian(),
-            input_weight: options.input_weight,
+            input_weight: options.input_weight * if demand.settles { SETTLING } else { 1.0 },
             slack: holds.then_some(KEPT),
         };
         let solution = self.solve(situation, &prediction, known_twist, expired);

@@ -124,6 +124,8 @@ pub(crate) struct Demand<const D: usize> {
     pub minimum: [f64; D],
     /// Largest speed into the surface that may be commanded, m/s; ∞ where it is not bounded.
     pub inward_speed: f64,
+    /// Whether the arm has been brought to a halt, and the force is to settle.
+    pub settles: bool,
 }
 
 /// What became of a problem.

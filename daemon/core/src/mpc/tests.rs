@@ -25,7 +25,7 @@ fn accepted(sample: &Sample<2, 2>) -> Accepted<2, 2> {
 
 /// Both axes in contact, f_min from the start.
 fn demand() -> Demand<2> {
-    Demand { active: [true; 2], signs: [-1.0; 2], minimum: [0.1; 2], inward_speed: f64::INFINITY }
+    Demand { active: [true; 2], signs: [-1.0; 2], minimum: [0.1; 2], inward_speed: f64::INFINITY, settles: false }
 }
 
 /// What `solve` says of a contact that presses with `force` N while ṗ0 moves inward at `speed` m/s.

@@ -192,12 +192,13 @@ impl<const D: usize> Output<D> {
     }
 
     /// Free motion, and the damping law in every mode. While control is ending the damping law does
-    /// not act: the offset goes to zero.
+    /// not act: the offset goes to zero. Without a law it goes to `free`.
     pub(crate) fn go_on<const N: usize>(
         &mut self,
         sample: &Accepted<N, D>,
         in_contact: bool,
         is_enabled: bool,
+        free: &SVector<f64, D>,
     ) -> Movement<N, D> {
         let (offset, source) = match self.settings.law {
             Law::Damping { damping } if is_enabled => {
@@ -205,7 +206,9 @@ impl<const D: usize> Output<D> {
                 (self.caught_up(wanted, in_contact), Source::Damping)
             }
             Law::Mpc | Law::Damping { .. } => {
-                let offset = self.released_offset(self.settings.timing.sampling_time.seconds());
+                let step = self.rate_step(self.settings.timing.sampling_time.seconds());
+                let free = free.zip_map(&self.settings.offset_limit, |free, limit| free.clamp(-limit, limit));
+                let offset = ramp::towards(&self.offset, &free, step);
                 (offset, if is_zero(&offset) { Source::None } else { Source::Ramp })
             }
         };

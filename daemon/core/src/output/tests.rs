@@ -143,7 +143,7 @@ fn a_released_offset_ramps_to_zero_at_the_release_rate() {
     let _: Movement<2, 2> = output.follow(&plan, Source::Mpc, &sample);
     // 10 m/s² over 4 ms.
     for expected in [Vector2::new(0.06, -0.01), Vector2::new(0.02, 0.0), Vector2::zeros()] {
-        let movement = output.go_on(&accepted(&pressing(-100.0, 2)), false, true);
+        let movement = output.go_on(&accepted(&pressing(-100.0, 2)), false, true, &Vector2::zeros());
         assert!(near(&movement.velocity_offset, &expected), "{}, expected {expected}", movement.velocity_offset);
     }
     assert!(output.is_zero());

@@ -2,10 +2,51 @@
 
 use nalgebra::SVector;
 
-use crate::belief::Contact;
+use crate::belief::{Belief, Contact};
+use crate::intake::Accepted;
+use crate::quantities::{Instant, Span};
+use crate::surface::{STANDSTILL, Surface};
 
 /// Speed in m/s at which the arm may follow a surface that falls away, or that came to it.
 const FOLLOWING: f64 = 0.01;
+/// Part of the speed of its approach at which the arm moves in once the impact is over.
+const RETURN: f64 = 0.25;
+/// After so long in free motion the surface that it bounced off is not there any more.
+const RETURN_FOR: Span = Span::from_nanoseconds(500_000_000);
+
+/// The way back to a surface that the tool has bounced off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Return {
+    /// Largest speed into the surface, m/s.
+    speed: f64,
+    /// When it is given up.
+    end: Instant,
+}
+
+impl Return {
+    /// The offset that slows ṗ0 = `twist_reference` down to its speed; `None` where there is nothing
+    /// to slow down any more. (An offset of zero is one that a replay may begin after.)
+    pub(super) fn offset<const D: usize>(
+        &self,
+        twist_reference: &SVector<f64, D>,
+        surface: &Surface<D>,
+        now: Instant,
+    ) -> Option<SVector<f64, D>> {
+        let excess = -surface.outward_speed(twist_reference) - self.speed;
+        (excess > 0.0 && now < self.end).then(|| surface.normal * excess)
+    }
+}
+
+/// How far an impact has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Impact {
+    /// The arm still moves in.
+    Braking,
+    /// The arm moves out again, and may still touch.
+    Rebound,
+    /// The arm has left the surface, or has come to rest on it.
+    Over,
+}
 
 /// The memory of one contact, from the first axis that joins until the last one leaves.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +57,9 @@ pub(crate) struct ContactMemory<const D: usize> {
     deepest: [f64; D],
     /// Largest speed of ṗ0 into the surface, m/s.
     approach: f64,
+    impact: Impact,
+    /// Largest speed into the surface of an arm that came back to it, m/s; infinite for another.
+    returned: f64,
     /// Cycles in a row in which the force was not the predicted one.
     pub(super) mismatches: u32,
     /// Cycles in a row without a solution.
@@ -23,9 +67,17 @@ pub(crate) struct ContactMemory<const D: usize> {
 }
 
 impl<const D: usize> ContactMemory<D> {
-    /// Of a contact that begins.
-    pub(super) fn new() -> Self {
-        Self { reached: [false; D], deepest: [0.0; D], approach: 0.0, mismatches: 0, unsolved: 0 }
+    /// Of a contact that begins, for an arm that may have bounced off before.
+    pub(super) fn new(bounced: Option<Return>) -> Self {
+        Self {
+            reached: [false; D],
+            deepest: [0.0; D],
+            approach: 0.0,
+            impact: if bounced.is_some() { Impact::Over } else { Impact::Braking },
+            returned: bounced.map_or(f64::INFINITY, |bounced| bounced.speed),
+            mismatches: 0,
+            unsolved: 0,
+        }
     }
 
     /// Records which axes have reached f_min (N, N·m). An axis that was released starts anew when
@@ -39,11 +91,34 @@ impl<const D: usize> ContactMemory<D> {
         }
     }
 
+    /// Follows the impact.
+    pub(super) fn follow_impact<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) {
+        let (surface, posture) = (belief.surface(), &sample.posture);
+        let speed = surface.outward_speed(&(posture.jacobian() * sample.joint_velocity));
+        self.impact = match self.impact {
+            Impact::Braking if speed > STANDSTILL && self.has_reached() => Impact::Rebound,
+            Impact::Rebound if speed < 0.0 || surface.spring_force(posture.pose()) <= 0.0 => Impact::Over,
+            stage => stage,
+        };
+    }
+
+    /// Whether the arm has been brought to a halt: now the force is to settle.
+    pub(super) fn is_settling(&self) -> bool {
+        self.impact != Impact::Braking
+    }
+
     /// The largest speed into the surface that may be commanded, in m/s, now that ṗ0 moves out of it
-    /// at `outward_speed`: what the approach had.
+    /// at `outward_speed`: what the approach had, and a part of that once the impact is over.
     pub(super) fn inward_speed(&mut self, outward_speed: f64) -> f64 {
         self.approach = self.approach.max(-outward_speed);
-        self.approach.max(FOLLOWING)
+        let part = if self.impact == Impact::Over && self.returned.is_infinite() { RETURN } else { 1.0 };
+        (self.approach * part).min(self.returned).max(FOLLOWING)
+    }
+
+    /// The way back after a contact that ends `now`.
+    pub(super) fn way_back(&self, now: Instant) -> Option<Return> {
+        let speed = (self.approach * RETURN).min(self.returned).max(FOLLOWING);
+        self.is_settling().then(|| Return { speed, end: now + RETURN_FOR })
     }
 
     /// Whether any axis has reached f_min.

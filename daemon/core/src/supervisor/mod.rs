@@ -29,6 +29,7 @@ mod task;
 mod tests;
 
 use admittance_vocabulary::{ModeName, StopReason};
+use nalgebra::SVector;
 
 pub use cause::{Cause, Policy, decide};
 pub(crate) use contact_memory::ContactMemory;
@@ -125,9 +126,14 @@ impl<const D: usize> Supervisor<D> {
             (ModeName::Idle, Mode::Idle(reason)) => Mode::Idle(cause.reason().or(reason)),
             (ModeName::Idle, _) => Mode::Idle(cause.reason()),
             (ModeName::Free, mode @ Mode::Free { .. }) => mode,
-            (ModeName::Free, _) => Mode::Free { pulled_since: None },
+            (ModeName::Free, before) => {
+                let bounced = if let Mode::Contact(memory) = before { memory.way_back(at) } else { None };
+                let bounced = bounced.filter(|_| self.settings.inward_speed == InwardSpeed::Approach);
+                Mode::Free { pulled_since: None, bounced }
+            }
             (ModeName::Contact, mode @ Mode::Contact(_)) => mode,
-            (ModeName::Contact, _) => Mode::Contact(ContactMemory::new()),
+            (ModeName::Contact, Mode::Free { bounced, .. }) => Mode::Contact(ContactMemory::new(bounced)),
+            (ModeName::Contact, _) => Mode::Contact(ContactMemory::new(None)),
             (ModeName::Stopping | ModeName::Stopped, mode @ Mode::Stopped(_)) => mode,
             (ModeName::Stopping, mode @ Mode::Stopping(_)) => mode,
             (ModeName::Stopping, mode) => {
@@ -202,11 +208,13 @@ impl<const D: usize> Supervisor<D> {
         let exceeded = guards.exceeded(belief.without_lag(), &limits);
         match &mut self.mode {
             // A touch is for the MPC to judge first: its stop knows what is attainable.
-            Mode::Free { pulled_since } => measured.or(exceeded.filter(|_| !belief.contact().is_any())).or_else(|| {
-                let pulls = guards::pulls(*sign, thresholds, &sample.wrench, noise, belief);
-                *pulled_since = pulls.then(|| pulled_since.unwrap_or(sample.stamp));
-                guards::contradicts(*pulled_since, sample.stamp)
-            }),
+            Mode::Free { pulled_since, .. } => {
+                measured.or(exceeded.filter(|_| !belief.contact().is_any())).or_else(|| {
+                    let pulls = guards::pulls(*sign, thresholds, &sample.wrench, noise, belief);
+                    *pulled_since = pulls.then(|| pulled_since.unwrap_or(sample.stamp));
+                    guards::contradicts(*pulled_since, sample.stamp)
+                })
+            }
             Mode::Contact(memory) => measured.or(exceeded).or_else(|| {
                 let mismatches = guards.mismatches(&sample.wrench, noise, belief);
                 memory.mismatches = if mismatches { memory.mismatches + 1 } else { 0 };
@@ -237,8 +245,23 @@ impl<const D: usize> Supervisor<D> {
         }
         if let Mode::Contact(memory) = &mut self.mode {
             memory.follow(contact, &sample.wrench, &self.settings.minimum_force);
+            memory.follow_impact(sample, belief);
         }
         (was_in_contact && matches!(self.mode, Mode::Free { .. })).then_some(end)
+    }
+
+    /// The offset of free motion: one that slows an arm down which has bounced off and comes back.
+    pub(crate) fn free_offset<const N: usize>(
+        &mut self,
+        sample: &Accepted<N, D>,
+        belief: &Belief<D>,
+    ) -> SVector<f64, D> {
+        let is_enabled = self.is_enabled();
+        let Mode::Free { bounced, .. } = &mut self.mode else { return SVector::zeros() };
+        let way = bounced.filter(|_| is_enabled);
+        let offset = way.and_then(|way| way.offset(&sample.twist_reference, belief.surface(), sample.stamp));
+        *bounced = way.filter(|_| offset.is_some());
+        offset.unwrap_or_else(SVector::zeros)
     }
 
     /// Whether the minimum force is in force: losing contact now is against the law's intent.
@@ -296,9 +319,11 @@ impl<const D: usize> Supervisor<D> {
         let (belief, twist_reference) = (situation.belief, &situation.sample.twist_reference);
         let (active, signs) = (belief.contact().active(), belief.bounded_signs());
         let (mut minimum, mut inward_speed) = ([f64::NEG_INFINITY; D], f64::INFINITY);
+        let mut settles = false;
         if let Mode::Contact(memory) = &mut self.mode {
             if self.settings.inward_speed == InwardSpeed::Approach {
                 inward_speed = memory.inward_speed(belief.surface().outward_speed(twist_reference));
+                settles = memory.is_settling();
             }
             let leaves = belief.surface().is_left_by(twist_reference);
             for axis in (0..D).filter(|&axis| signs[axis] != 0.0) {
@@ -312,6 +337,6 @@ impl<const D: usize> Supervisor<D> {
                 };
             }
         }
-        Demand { active, signs, minimum, inward_speed }
+        Demand { active, signs, minimum, inward_speed, settles }
     }
 }

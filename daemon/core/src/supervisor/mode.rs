@@ -2,7 +2,7 @@
 
 use admittance_vocabulary::{ModeName, StopReason};
 
-use super::contact_memory::ContactMemory;
+use super::contact_memory::{ContactMemory, Return};
 use crate::quantities::Instant;
 use crate::robot::Singular;
 
@@ -16,6 +16,8 @@ pub(crate) enum Mode<const D: usize> {
     Free {
         /// Since when the wrench pulls on the surface, if it does.
         pulled_since: Option<Instant>,
+        /// The way back to a surface that the tool has bounced off.
+        bounced: Option<Return>,
     },
     /// At least one axis in contact.
     Contact(ContactMemory<D>),

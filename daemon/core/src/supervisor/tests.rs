@@ -25,9 +25,9 @@ fn policies() -> impl Iterator<Item = Policy> {
 fn mode(name: ModeName) -> Mode<2> {
     match name {
         ModeName::Idle => Mode::Idle(None),
-        ModeName::Free => Mode::Free { pulled_since: None },
+        ModeName::Free => Mode::Free { pulled_since: None, bounced: None },
         ModeName::Contact => {
-            let mut memory = ContactMemory::new();
+            let mut memory = ContactMemory::new(None);
             memory.unsolved = 2;
             Mode::Contact(memory)
         }
