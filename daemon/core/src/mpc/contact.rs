@@ -14,9 +14,11 @@ use crate::output::{MAX_STEPS, Plan};
 /// is low enough that a dip between samples, which may be unavoidable, does not cause the next impact.
 const KEPT: Slack = Slack { softened: Softened::Minimum, price: 1.0, curvature: 0.1 };
 
-/// R once the impact is over, relative to R. An impact wants the arm to brake at once; afterwards a loop that
-/// lags more than it was told would bounce for as long as the law corrects it within a few cycles.
+/// R once the arm was halted, relative to R. An impact wants the arm to brake at once; afterwards a loop
+/// that lags more than it was told would bounce for as long as the law corrects it within a few cycles.
 const SETTLING: f64 = 100.0;
+/// In how many times the lag of the speed loops and a cycle the force then settles.
+const SETTLING_LAGS: f64 = 3.0;
 
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
     /// Solves (18) for what a contact asks. `expired` is called before and between solver
@@ -96,6 +98,16 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let felt = bounds.as_slice().iter().filter(feels);
         let kept = if is_soft { felt.map(along_normal).fold(0.0, f64::max) } else { 0.0 };
         let normal_force = options.normal_force_reference.max(kept);
+        // Which way the arm shall move: along the surface, and away from it as fast as the force settles.
+        let settling = if holds && demand.settles {
+            let time = SETTLING_LAGS * (settings.loops.slowest() + settings.timing.sampling_time.seconds());
+            let excess = surface.spring_force(sample.posture.pose()) - normal_force;
+            surface.normal * (excess / (surface.normal_stiffness() * time))
+        } else {
+            SVector::zeros()
+        };
+        let sliding = sample.twist_reference + wanted_offset;
+        let lead = if holds { situation.lead(&settings, &sliding) } else { SVector::zeros() };
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
             let excess = -surface.outward_speed(&sample.twist_reference) - demand.inward_speed;
@@ -108,15 +120,16 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let prediction = Prediction {
             initial: start.state,
             known_reference,
+            drift: situation.joint_velocity(&lead),
             inputs: InputAxes::from_mask(&inputs),
             previous_input: *output.offset(),
             wrench_axes,
             constraints,
             set_point: SetPoint {
                 joint_position: sample.joint_position_reference,
-                joint_velocity: situation.joint_velocity(&(sample.twist_reference + wanted_offset)),
+                joint_velocity: situation.joint_velocity(&(sliding + settling)),
                 wrench: surface.normal * -normal_force,
-                input: if demand.settles && holds { *output.offset() } else { wanted_offset },
+                input: wanted_offset + settling + lead,
             },
             weights: &options.weights,
             jacobian: *sample.posture.jacobian(),

@@ -67,6 +67,18 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         self.model.jacobian_inverse * twist
     }
 
+    /// The offset along the normal without which an arm that slides with this twist would leave its path: a
+    /// joint lags behind its reference by T, and J turns meanwhile. J q̇ is not J r = `sliding` but
+    /// J r + J T J⁻¹ J̇ q̇.
+    pub(super) fn lead(&self, settings: &Settings<N, D>, sliding: &SVector<f64, D>) -> SVector<f64, D> {
+        let (posture, normal) = (&self.sample.posture, &self.belief.surface().normal);
+        let turning = posture.acceleration_at_constant_joint_velocity(&self.joint_velocity(sliding));
+        let held = settings.timing.command_delay.seconds() + 0.5 * settings.timing.sampling_time.seconds();
+        let lag = (settings.loops.until_rest()[0] + settings.loops.dead_time).add_scalar(held);
+        let twist = posture.jacobian() * self.joint_velocity(&turning).component_mul(&lag);
+        normal * -normal.dot(&twist)
+    }
+
     /// The state when the command for this sample reaches the joints, and the forces until then, under
     /// the commands that are under way.
     pub(super) fn at_action(&self, settings: &Settings<N, D>, bounds: &ForceBounds<D>) -> Start<N, D> {

@@ -51,6 +51,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let prediction = Prediction {
             initial: start.state,
             known_reference: &[SVector::zeros(); MAX_STEPS][..steps.len()],
+            drift: SVector::zeros(),
             inputs: InputAxes::from_mask(&settings.admittance),
             previous_input: before,
             wrench_axes: InputAxes::from_mask(&settings.admittance),

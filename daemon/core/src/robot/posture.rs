@@ -3,6 +3,7 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::{Chain, InverseJacobian, Kinematics, Pose, Singular, right_inverse};
+use crate::quantities::on_task_axes;
 
 /// Ψ(q), J(q) and J⁻¹(q).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +35,24 @@ impl<const N: usize, const D: usize> Posture<N, D> {
     /// The task rows of J(q), D×N.
     pub fn jacobian(&self) -> &SMatrix<f64, D, N> {
         &self.jacobian
+    }
+
+    /// J̇ q̇: the acceleration (m/s², rad/s²) of the TCP on the task axes while every joint keeps its
+    /// velocity q̇ in rad/s.
+    pub fn acceleration_at_constant_joint_velocity(&self, joint_velocity: &SVector<f64, N>) -> SVector<f64, D> {
+        let jacobian = &self.kinematics.jacobian;
+        let (mut linear, mut angular) = (Vector3::zeros(), Vector3::zeros());
+        // ∂/∂q_j of z_i × (p − o_i), the column of joint i: z_j × (z_i × (p − o_i)) for j ≤ i, else z_i × (z_j ×
+        // (p − o_j)). The joints up to i turn by `turning`; those beyond move the TCP by `further`.
+        let (mut turning, (mut further, _)) = (Vector3::zeros(), self.velocity(joint_velocity));
+        for (column, speed) in jacobian.column_iter().zip(joint_velocity.iter()) {
+            let (moved, axis) = (column.fixed_rows::<3>(0) * *speed, column.fixed_rows::<3>(3) * *speed);
+            angular += turning.cross(&axis);
+            turning += axis;
+            further -= moved;
+            linear += turning.cross(&moved) + axis.cross(&further);
+        }
+        on_task_axes(&linear, &angular)
     }
 
     /// J⁻¹(q), if its reciprocal condition number is at least `least`.

@@ -27,7 +27,7 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
     let (speed, position) = (c.joint_speed.expect("all kinds"), c.rest_position.expect("all kinds"));
     let (offset, rate) = (c.offset.expect("all kinds"), c.rate.expect("all kinds"));
     let (loops, estimate) = shape.lags();
-    let states = problem.trajectory(z);
+    let (states, joints) = (problem.trajectory(z), problem.drifting(z, &SVector::zeros()));
     let mut all = Vec::new();
     let mut push = |kind, component, instant, value, lower, upper| {
         all.push(Bounded { row: Row { kind, component, instant }, value, lower, upper });
@@ -55,14 +55,14 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
         push(RowKind::NormalSpeed, 0, k, value, along.least[k], f64::INFINITY);
     }
     for k in 0..h {
-        let value = rest_position(&states[k + 1], &loops);
+        let value = rest_position(&joints[k + 1], &loops);
         (0..N).for_each(|i| push(RowKind::RestPosition, i, k, value[i], position.lower[i], position.upper[i]));
     }
     let slack = p.slack.map(|_| *z.last().expect("the slack is a variable"));
     let softens = |softened| p.slack.is_some_and(|slack| slack.softened == softened);
     let force_at = |k: usize, part: f64| {
         let to_here = shape.discretization.step(part * steps[k], &loops, &estimate);
-        let there = problem.model.advance(&to_here, &states[k], &problem.reference(z, k));
+        let there = problem.model.advance(&to_here, &states[k], &(problem.reference(z, k) - p.drift));
         problem.model.linear_wrench(&there.joint_position)
     };
     for (instant, &Point { step: k, part, .. }) in shape.force_points().iter().enumerate() {

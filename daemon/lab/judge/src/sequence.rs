@@ -25,6 +25,8 @@ pub struct Problem<const N: usize> {
     pub initial: State<N, N>,
     /// The joint velocity reference without inputs, by step, rad/s.
     pub known_reference: Vec<SVector<f64, N>>,
+    /// Joint velocity by which the TCP falls behind what J predicts, rad/s.
+    pub drift: SVector<f64, N>,
     /// What is bounded.
     pub constraints: Constraints<N, N>,
     /// x⁰.
@@ -59,6 +61,7 @@ impl<const N: usize, const M: usize> Sequence<N, M> {
         Prediction {
             initial: problem.initial,
             known_reference: &problem.known_reference,
+            drift: problem.drift,
             inputs: self.inputs,
             previous_input: problem.previous_input,
             wrench_axes: self.wrench_axes,

@@ -102,7 +102,7 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
         fill_last_group(upper, f64::INFINITY);
         fill_last_group(weight, 1.0);
         let mut bounds = Bounds { lower, upper, weight };
-        let steps = self.horizon.steps();
+        let (steps, drift) = (self.horizon.steps(), SimdVector::of(&p.drift));
         if let Some(interval) = &c.joint_speed {
             let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
             bounds.put(
@@ -135,8 +135,13 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
         if let Some(interval) = &c.rest_position {
             let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
             let until_rest = self.horizon.until_rest();
-            let ends = (1..=steps.len()).map(|step| free.joints_at(step).rest_position(until_rest));
-            bounds.put(self.rows(RowKind::RestPosition), N, ends.map(|rest| (rest, interval)));
+            // The free trajectory drifts, the joints don't.
+            let mut drifted = SimdVector::ZERO;
+            let ends = steps.iter().enumerate().map(|(before, step)| {
+                drifted = drifted.plus(drift.times(SimdVector::splat(step.duration)));
+                (free.joints_at(before + 1).rest_position(until_rest).plus(drifted), interval)
+            });
+            bounds.put(self.rows(RowKind::RestPosition), N, ends);
         }
         let (mut minimum, mut maximum, mut offset) = ([0.0; M], [0.0; M], [0.0; M]);
         for (index, bound) in c.force.as_slice().iter().enumerate() {
@@ -151,7 +156,7 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
         let (interval, offset) = (Weighted::new(&minimum, &maximum), SimdVector::new(&offset));
         let forces = self.horizon.force_points().iter().map(|point| {
             let (a, b) = (&point.position_by, &point.position_by_reference);
-            let reference = SimdVector::of(&p.known_reference[point.step]);
+            let reference = SimdVector::of(&p.known_reference[point.step]).minus(drift);
             let force = self.gradients.times(free.joints_at(point.step).position_after(a, b, reference));
             force.plus(offset)
         });

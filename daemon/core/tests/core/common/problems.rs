@@ -76,6 +76,7 @@ impl Case {
         let prediction = Prediction {
             initial,
             known_reference: known_reference.leak(),
+            drift: SVector::zeros(),
             inputs: InputAxes::from_mask(&self.axes),
             previous_input: Vector2::zeros(),
             wrench_axes: InputAxes::from_mask(&self.axes),
@@ -252,6 +253,7 @@ impl Shape {
         let prediction = Prediction {
             initial,
             known_reference: known_reference.leak(),
+            drift: numbers.vector(0.1),
             inputs: InputAxes::from_mask(&std::array::from_fn(|axis| axis >= first)),
             previous_input: numbers.vector(0.5),
             wrench_axes: InputAxes::from_mask(&std::array::from_fn(|axis| {
@@ -338,9 +340,14 @@ impl<const N: usize, const D: usize> Problem<N, D> {
 
     /// x_0, …, x_H under the inputs `z`, in the order of time.
     pub(crate) fn trajectory(&self, z: &[f64]) -> Vec<State<N, D>> {
+        self.drifting(z, &self.prediction.drift)
+    }
+
+    /// The same with another drift.
+    pub(crate) fn drifting(&self, z: &[f64], drift: &SVector<f64, N>) -> Vec<State<N, D>> {
         let mut states = vec![self.prediction.initial];
         for (k, step) in self.horizon.steps().iter().enumerate() {
-            states.push(self.model.advance(step, &states[k], &self.reference(z, k)));
+            states.push(self.model.advance(step, &states[k], &(self.reference(z, k) - drift)));
         }
         states
     }

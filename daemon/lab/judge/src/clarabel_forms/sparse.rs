@@ -119,7 +119,7 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
         let (problem, model) = (self.problem, &self.problem.model);
         let initial = &problem.initial;
         for (k, step) in self.sequence.horizon.steps().iter().enumerate() {
-            let known = &problem.known_reference[k];
+            let known = problem.known_reference[k] - problem.drift;
             for joint in 0..N {
                 let (a, b) = (step.position_by[0][joint], step.position_by_reference[joint]);
                 let mut right = b * known[joint];
@@ -213,7 +213,7 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
                     let initial = (problem.initial.joint_position[joint], problem.initial.joint_velocity[joint]);
                     self.push_before(k, joint, gradient, initial.0, &mut right);
                     self.push_before(k, N + joint, gradient * a[joint], initial.1, &mut right);
-                    right -= gradient * b[joint] * problem.known_reference[k][joint];
+                    right -= gradient * b[joint] * (problem.known_reference[k][joint] - problem.drift[joint]);
                 }
                 if !is_end && self.sequence.horizon.first_reached() == 0 {
                     for (position, &axis) in self.axes.iter().enumerate() {
@@ -242,10 +242,16 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
         if let Some(interval) = &problem.constraints.rest_position {
             let limits = if sign > 0.0 { &interval.upper } else { &interval.lower };
             let lag = &self.sequence.horizon.until_rest()[0];
+            let ends = self.sequence.horizon.steps().iter().scan(0.0, |time, step| {
+                *time += step.duration;
+                Some(*time)
+            });
+            let ends: Vec<f64> = ends.collect();
             for (step, joint) in (0..self.steps()).flat_map(|step| (0..N).map(move |joint| (step, joint))) {
                 self.push(self.state(step + 1) + joint, sign);
                 self.push(self.state(step + 1) + N + joint, sign * lag[joint]);
-                self.form.bounds.push(sign * limits[joint]);
+                // The state drifts, the joints don't.
+                self.form.bounds.push(sign * (limits[joint] - problem.drift[joint] * ends[step]));
             }
         }
     }

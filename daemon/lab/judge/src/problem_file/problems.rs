@@ -52,6 +52,7 @@ impl ProblemFile {
                 },
                 initial: x(&record.initial),
                 known_reference: vec![known; self.horizon],
+                drift: SVector::zeros(),
                 constraints: Constraints { joint_speed: Some(joint_speed), ..Constraints::of_force(force) },
                 set_point: SetPoint {
                     joint_position: reference.joint_position,
