@@ -168,7 +168,7 @@ fn limits_that_contradict_each_other_are_a_latched_stop_and_the_arm_is_held() {
 #[test]
 fn forces_do_not_depend_on_the_solver() {
     // Clarabel as exact as it gets; what is left is its own tolerance, carried on by the loop.
-    let settings = ClarabelSettings { tolerance: 1e-10, max_iterations: 200 };
+    let settings = ClarabelSettings { tolerance: 1e-12, max_iterations: 200 };
     for (name, text) in [("paper", MPC_PAPER), ("default", MPC_DEFAULT)] {
         for phase in [0.1, 0.6] {
             let scenario = scenario(phase);

@@ -108,6 +108,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         };
         let sliding = sample.twist_reference + wanted_offset;
         let lead = if holds { situation.lead(&settings, &sliding) } else { SVector::zeros() };
+        // Where a joint is too slow for that, the force comes first: a dear input would keep the way along the
+        // surface instead.
+        let wanted = situation.joint_velocity(&(sliding + settling + lead));
+        let too_fast = |most: &SVector<f64, N>| wanted.iter().zip(most.iter()).any(|(speed, most)| speed.abs() > *most);
+        let is_too_fast = settings.limits.joint_speed.as_ref().is_some_and(too_fast);
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
             let excess = -surface.outward_speed(&sample.twist_reference) - demand.inward_speed;
@@ -133,7 +138,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             },
             weights: &options.weights,
             jacobian: *sample.posture.jacobian(),
-            input_weight: options.input_weight * if demand.settles { SETTLING } else { 1.0 },
+            input_weight: options.input_weight * if demand.settles && !is_too_fast { SETTLING } else { 1.0 },
             slack: holds.then_some(KEPT),
         };
         let solution = self.solve(situation, &prediction, known_twist, expired);

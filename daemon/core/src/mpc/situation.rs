@@ -17,6 +17,10 @@ use crate::robot::Singular;
 /// Instants at which the force is looked at while an earlier command acts.
 const PIECES: u32 = 8;
 
+/// Largest lead in m/s: near a singular pose it grows without bound, and what is linear in the lag does not
+/// hold.
+const MOST_LEAD: f64 = 0.01;
+
 /// Everything that a cycle knows, and the model that follows from it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Situation<'a, const N: usize, const D: usize> {
@@ -69,14 +73,14 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
 
     /// The offset along the normal without which an arm that slides with this twist would leave its path: a
     /// joint lags behind its reference by T, and J turns meanwhile. J q̇ is not J r = `sliding` but
-    /// J r + J T J⁻¹ J̇ q̇.
+    /// J r + J T J⁻¹ J̇ q̇. At most [`MOST_LEAD`].
     pub(super) fn lead(&self, settings: &Settings<N, D>, sliding: &SVector<f64, D>) -> SVector<f64, D> {
         let (posture, normal) = (&self.sample.posture, &self.belief.surface().normal);
         let turning = posture.acceleration_at_constant_joint_velocity(&self.joint_velocity(sliding));
         let held = settings.timing.command_delay.seconds() + 0.5 * settings.timing.sampling_time.seconds();
         let lag = (settings.loops.until_rest()[0] + settings.loops.dead_time).add_scalar(held);
         let twist = posture.jacobian() * self.joint_velocity(&turning).component_mul(&lag);
-        normal * -normal.dot(&twist)
+        normal * (-normal.dot(&twist)).clamp(-MOST_LEAD, MOST_LEAD)
     }
 
     /// The state when the command for this sample reaches the joints, and the forces until then, under
