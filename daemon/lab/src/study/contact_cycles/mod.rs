@@ -152,6 +152,15 @@ mod tests {
         assert!(one.contains("\"found\":[]"), "{one}");
     }
 
+    /// ṗ0 turns the tool faster than the joints may turn, and what the offset could do about it presses.
+    #[test]
+    fn contacts_that_were_found_have_an_answer_in_every_cycle() {
+        for index in [960, 1870, 1956] {
+            let seen = press(20_261_122, index).unwrap();
+            assert!(!seen.is_finding() && seen.contact_cycles > 100, "{seen:?}");
+        }
+    }
+
     #[test]
     fn a_contact_that_cannot_be_solved_is_a_finding() {
         let seen = (0..8).map(|index| press(3, index).unwrap()).find(|seen| seen.contact_cycles > 1000).unwrap();
