@@ -63,6 +63,11 @@ pub(crate) struct Supervisor<const D: usize> {
     exceeded: u64,
 }
 
+/// Whether Idle for this reason is not a loss of control: nothing seen yet, or withdrawn by a person.
+fn is_withdrawn(reason: Option<StopReason>) -> bool {
+    matches!(reason, None | Some(StopReason::Disabled | StopReason::Shutdown))
+}
+
 impl<const D: usize> Supervisor<D> {
     /// Idle, with nothing seen.
     pub(crate) fn new(settings: Settings<D>) -> Self {
@@ -91,10 +96,10 @@ impl<const D: usize> Supervisor<D> {
         matches!(self.mode, Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_))
     }
 
-    /// Whether an arm that is not in control stands still: control was given, and cannot act.
+    /// Whether an arm that is not in control stands still: control was given, and cannot act. Withdrawn
+    /// since, it lets the arm go with the first sample that shows no force.
     pub(crate) fn holds(&self) -> bool {
-        let is_lost = |reason| !matches!(reason, StopReason::Disabled | StopReason::Shutdown);
-        matches!(self.mode, Mode::Idle(Some(reason)) if is_lost(reason)) && self.is_enabled()
+        matches!(self.mode, Mode::Idle(reason) if !is_withdrawn(reason))
     }
 
     /// Contacts lost that should have been kept.
@@ -122,6 +127,10 @@ impl<const D: usize> Supervisor<D> {
         let next = decide(self.mode.name(), cause, self.settings.policy);
         let stop = cause.reason().map(|reason| Stop { reason, singular });
         self.mode = match (next, self.mode) {
+            // Without control there is none to lose.
+            (ModeName::Idle, Mode::Idle(reason)) if !self.is_enabled() && is_withdrawn(reason) => {
+                Mode::Idle(cause.reason().filter(|cause| is_withdrawn(Some(*cause))).or(reason))
+            }
             (ModeName::Idle, Mode::Idle(reason)) => Mode::Idle(cause.reason().or(reason)),
             (ModeName::Idle, _) => Mode::Idle(cause.reason()),
             (ModeName::Free, mode @ Mode::Free { .. }) => mode,
@@ -143,6 +152,10 @@ impl<const D: usize> Supervisor<D> {
     pub(crate) fn admit<const N: usize>(&mut self, sample: &Accepted<N, D>, felt: &Felt<D>) {
         let cause = match self.mode {
             Mode::Idle(_) => match self.objection(sample) {
+                // Let go, a held arm would press on.
+                Some(Cause::Disabled | Cause::Shutdown) if felt.is_any() && self.holds() => {
+                    Some(Cause::StartedInContact)
+                }
                 Some(objection) => Some(objection),
                 None if felt.is_any() => Some(Cause::StartedInContact),
                 None => Some(Cause::Ready),
