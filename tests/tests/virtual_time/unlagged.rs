@@ -147,3 +147,22 @@ fn two_newtons_of_noise_stop_nothing_in_an_hour() {
     nothing_in(0.004, 3600.0);
     nothing_in(0.001, 3600.0);
 }
+/// A slow estimate and a small limit: no window is long enough to be quiet, and nobody told the noise.
+#[test]
+fn noise_that_was_not_told_is_not_counted_where_no_window_takes_it_out() {
+    for seed in 0..4 {
+        let mut experiment = Experiment::paper(0.001, 0.002)
+            .with_motion(&[(1.0, &[0.0, -0.002]), (9.0, &[0.0, -0.0005])])
+            .with_wrench_lag(0.1);
+        experiment.scenario.noise.wrench = 1.0;
+        experiment.scenario.noise.seed = seed;
+        experiment.config.contact.force_limit = vec![40.0, 40.0];
+        experiment.config.contact.normal_force_reference_n = 32.0;
+        let run = experiment.run();
+        let (peak, counted) = (run.peak(0).max(run.peak(1)), run.counters.exceeded);
+        println!("seed {seed}: at most {peak:.1} N, {counted} samples counted, {:?}", run.stop_reason());
+        assert!(run.touched() && peak < 40.0, "{peak} N");
+        assert_eq!((counted, run.stop_reason()), (0, None), "seed {seed}");
+    }
+}
+

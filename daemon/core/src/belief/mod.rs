@@ -38,7 +38,7 @@ pub(crate) use contact::{Contact, Felt, SurfaceSigns};
 pub use expectation::Expected;
 pub use joint_motion::JointMotion;
 pub(crate) use joint_motion::JointObserver;
-pub use lag_inverse::{NOISE_DEVIATIONS, WithoutLag};
+pub use lag_inverse::{NOISE_DEVIATIONS, NoiseWindow, WithoutLag};
 
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
@@ -187,10 +187,10 @@ impl<const D: usize> Belief<D> {
 
     /// The pressing force in N without the lag of f̂, less what may be noise.
     pub(crate) fn pressing_without_lag(&self) -> f64 {
-        let WithoutLag { wrench, noise_gain } = self.without_lag();
+        let force = self.without_lag();
         let felt = self.signs.axes(&self.settings.thresholds.admittance);
-        let noise = felt.map(|axis| noise_gain[axis] * self.settings.wrench_noise[axis]).fold(0.0, f64::max);
-        self.surface.pressing_force(wrench) - NOISE_DEVIATIONS * noise
+        let noise = felt.map(|axis| force.noise(axis, self.settings.wrench_noise[axis])).fold(0.0, f64::max);
+        self.surface.pressing_force(&force.wrench) - noise
     }
 
     /// Learns from a sample; `felt` is the part of its wrench above β. If the model is `doubted`,

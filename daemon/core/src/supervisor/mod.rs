@@ -199,11 +199,8 @@ impl<const D: usize> Supervisor<D> {
     /// Counts a cycle in which the force, without the lag of f̂, is beyond what a plan may have.
     pub(crate) fn count_exceeded(&mut self, belief: &Belief<D>) {
         let Settings { force_limit, limit_tolerance, .. } = &self.settings;
-        let force = belief.without_lag();
-        let passed = self
-            .settings
-            .limits()
-            .are_passed(&force.wrench, &force.noise_gain, |axis| limit_tolerance * force_limit[axis]);
+        let tolerance = |axis: usize| limit_tolerance * force_limit[axis];
+        let passed = self.settings.limits().are_passed_without_lag(belief.without_lag(), tolerance);
         self.exceeded += u64::from(passed);
     }
 
