@@ -98,7 +98,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let felt = belief.felt(&sample.wrench);
         supervisor.admit(sample, &felt);
         if supervisor.is_in_control() {
-            belief.follow(sample, &felt, supervisor.doubts_model());
+            belief.follow(sample, &joints.velocity, &felt, supervisor.doubts_model());
             let guards = supervisor.guard(sample, belief);
             if let Some(end) = supervisor.follow_contact(sample, belief) {
                 output.settle(end, sample, belief.surface());

@@ -193,17 +193,25 @@ impl<const D: usize> Belief<D> {
         self.surface.pressing_force(&force.wrench) - noise
     }
 
-    /// Learns from a sample; `felt` is the part of its wrench above β. If the model is `doubted`,
+    /// Learns from a sample; `joint_velocity` is q̇ at it as it is believed to be, in rad/s, `felt` the
+    /// part of its wrench above β. If the model is `doubted`,
     /// because it led to the stop under way, the surface in contact is moved to where the measured
     /// force says it is.
-    pub(crate) fn follow<const N: usize>(&mut self, sample: &Accepted<N, D>, felt: &Felt<D>, doubted: bool) {
+    pub(crate) fn follow<const N: usize>(
+        &mut self,
+        sample: &Accepted<N, D>,
+        joint_velocity: &SVector<f64, N>,
+        felt: &Felt<D>,
+        doubted: bool,
+    ) {
         let Settings { thresholds, sign, contact_point, .. } = &self.settings;
         let by_surface = (*sign == ContactSign::Normal).then_some(&self.signs);
         let was_in_contact = self.contact.is_any();
         self.contact = self.contact.update(thresholds, felt, by_surface, &sample.wrench);
         let lag = self.lag();
         if let ContactPoint::Detected { wrench_noise } = *contact_point {
-            self.detection.update(&mut self.surface, sample, self.contact.is_any(), lag, wrench_noise);
+            let in_contact = self.contact.is_any();
+            self.detection.update(&mut self.surface, sample, joint_velocity, in_contact, lag, wrench_noise);
             if self.contact.is_any() && !was_in_contact {
                 // What was expected of the last sample was of a surface that was not known yet.
                 self.expected.spring = self.detection.spring_before(&self.surface).max(0.0);

@@ -76,10 +76,7 @@ impl Discretization {
         loops: &VelocityLoops<N>,
         wrench_time_constant: &SVector<f64, D>,
     ) -> Step<N, D> {
-        match self {
-            Self::Euler => euler(duration, &loops.time_constant, wrench_time_constant),
-            Self::Zoh => exact(duration, loops, &loops.further_dead_time(), wrench_time_constant),
-        }
+        self.step_after(&loops.further_dead_time(), duration, loops, wrench_time_constant)
     }
 
     /// The same under a reference that has reached the loops.
@@ -89,9 +86,19 @@ impl Discretization {
         loops: &VelocityLoops<N>,
         wrench_time_constant: &SVector<f64, D>,
     ) -> Step<N, D> {
+        self.step_after(&SVector::zeros(), duration, loops, wrench_time_constant)
+    }
+
+    fn step_after<const N: usize, const D: usize>(
+        self,
+        dead_time: &SVector<f64, N>,
+        duration: f64,
+        loops: &VelocityLoops<N>,
+        wrench_time_constant: &SVector<f64, D>,
+    ) -> Step<N, D> {
         match self {
             Self::Euler => euler(duration, &loops.time_constant, wrench_time_constant),
-            Self::Zoh => exact(duration, loops, &SVector::zeros(), wrench_time_constant),
+            Self::Zoh => exact(duration, loops, dead_time, wrench_time_constant),
         }
     }
 }

@@ -6,7 +6,8 @@ use nalgebra::SVector;
 
 use crate::quantities::{Instant, Span};
 
-/// Commands kept.
+/// Commands kept. Of an instant before the oldest one nothing is known: there ṗ0 alone counts,
+/// without an offset.
 const COMMANDS: usize = 16;
 /// Longest command delay that is covered, in cycles.
 pub const MAX_DELAY_CYCLES: f64 = 8.0;
