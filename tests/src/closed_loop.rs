@@ -89,8 +89,9 @@ impl Experiment {
         self
     }
 
-    /// The same with a tool of this mass (kg) on a sensor at the flange, told as it is. In the frame of
-    /// the TCP: the sensor's origin (m) and rotation (rad), the tool's centre of gravity (m).
+    /// The same with a tool of this mass (kg) on a sensor at the flange, told as it is. In the
+    /// frame of the TCP: the sensor's origin (m) and rotation (rad), the tool's centre of gravity
+    /// (m).
     #[must_use]
     pub fn with_tool(mut self, mass_kg: f64, origin_m: [f64; 3], rpy_rad: [f64; 3], center_m: [f64; 3]) -> Self {
         let wrench = &mut self.config.wrench;

@@ -53,7 +53,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self
     }
 
-    /// The same, starting from a recorded [`Self::joint_motion`], which is that of the first sample.
+    /// The same, starting from a recorded [`Self::joint_motion`], which is that of the first
+    /// sample.
     #[must_use]
     pub fn moving(mut self, motion: &JointMotion<N>) -> Self {
         self.joints = self.joints.resuming(motion);
@@ -216,8 +217,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self.belief.snapshot()
     }
 
-    /// What the wrench shows of the acceleration of the tool's centre of gravity, on the task axes: what
-    /// a tool of 1 kg adds to it, in m/s² and m²/s².
+    /// What the wrench shows of the acceleration of the tool's centre of gravity, on the task axes:
+    /// what a tool of 1 kg adds to it, in m/s² and m²/s².
     pub fn tool_acceleration(&self) -> &SVector<f64, D> {
         self.intake.tool_acceleration()
     }

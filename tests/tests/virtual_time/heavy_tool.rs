@@ -1,6 +1,6 @@
-//! A heavy tool on a sensor at the flange, which feels what accelerates it: 3 kg, brought to speed and
-//! stopped by a surface. Told of it, the daemon sees what presses; told of its weight alone, it took
-//! the approach for a touch, and the touch for a pull.
+//! A heavy tool on a sensor at the flange, which feels what accelerates it: 3 kg, brought to speed
+//! and stopped by a surface. Told of it, the daemon sees what presses; told of its weight alone, it
+//! took the approach for a touch, and the touch for a pull.
 
 use end_to_end::closed_loop::{Experiment, Run};
 use ipc_types::Mode;

@@ -1,5 +1,5 @@
-//! The wrench without the lag of its estimate: what it shows of a force that f̂ hides, what stops by
-//! it, and what noise must not do.
+//! The wrench without the lag of its estimate: what it shows of a force that f̂ hides, what stops
+//! by it, and what noise must not do.
 
 use admittancectl::plausible;
 use end_to_end::closed_loop::{Experiment, Instant, Run};
@@ -152,7 +152,8 @@ fn two_newtons_of_noise_stop_nothing() {
     nothing_in(0.001, 40.0);
 }
 
-/// A slow estimate and a small limit: no window is long enough to be quiet, and nobody told the noise.
+/// A slow estimate and a small limit: no window is long enough to be quiet, and nobody told the
+/// noise.
 #[test]
 fn noise_that_was_not_told_is_not_counted_where_no_window_takes_it_out() {
     for seed in 0..4 {

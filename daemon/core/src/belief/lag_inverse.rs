@@ -1,32 +1,32 @@
 //! The force behind the estimate: f̂ with the lag of its filter taken out.
 //!
-//! Over a window W the filter (6) leaves a = e^(−W/T_est) of f̂, and adds what it makes of the force
-//! f. So
+//! Over a window W the filter (6) leaves a = e^(−W/T_est) of f̂, and adds what it makes of the
+//! force f. So
 //!
 //! f̄ = (f̂(t) − a f̂(t − W)) / (1 − a)
 //!
-//! is exactly the mean of f over the window, with weights that fade with T_est into the past. It is f
-//! where f is constant, f̂ + T_est df̂/dt for a short window, and never more than the largest f in the
-//! window: what is too high in f̄ is too high in f. (The inverse for a force that is a straight line
-//! between samples has a pole near −1: noise would ring in it.)
+//! is exactly the mean of f over the window, with weights that fade with T_est into the past. It is
+//! f where f is constant, f̂ + T_est df̂/dt for a short window, and never more than the largest f
+//! in the window: what is too high in f̄ is too high in f. (The inverse for a force that is a
+//! straight line between samples has a pole near −1: noise would ring in it.)
 //!
-//! White noise of the standard deviation σ in f̂ is σ √(1 + a²) / (1 − a) in f̄: a longer window has
-//! less noise, and shows less of a brief peak. Where even the longest one has more than the force limit
-//! allows for, f̄ is held against that much more. A dead time of the wrench moves the window into the past
-//! by as much, and changes nothing else.
+//! White noise of the standard deviation σ in f̂ is σ √(1 + a²) / (1 − a) in f̄: a longer window
+//! has less noise, and shows less of a brief peak. Where even the longest one has more than the
+//! force limit allows for, f̄ is held against that much more. A dead time of the wrench moves the
+//! window into the past by as much, and changes nothing else.
 
 use nalgebra::SVector;
 
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
 
-/// So many standard deviations are not noise: white noise at 1 kHz passes four of them every 16 s, five
-/// every half hour.
+/// So many standard deviations are not noise: white noise at 1 kHz passes four of them every 16 s,
+/// five every half hour.
 pub const NOISE_DEVIATIONS: f64 = 5.0;
 /// Part of the force limit that the noise of f̄ may take up.
 const LARGEST_NOISE: f64 = 0.25;
-/// Part of a cycle by which the window may be shorter than wanted. After a stamp that is late the next
-/// seems close: what f̂ did in a whole cycle would be taken for what it did in a part of one.
+/// Part of a cycle by which the window may be shorter than wanted. After a stamp that is late the
+/// next seems close: what f̂ did in a whole cycle would be taken for what it did in a part of one.
 const JITTER: f64 = 0.1;
 /// Samples that are kept.
 const KEPT: usize = 32;
@@ -62,9 +62,9 @@ pub struct NoiseWindow {
 }
 
 impl NoiseWindow {
-    /// The shortest window in which noise of f̂ of the standard deviation `noise` takes up no more than a
-    /// quarter of the force `limit` (both N, N·m), or the longest that is any use. `time_constant`:
-    /// T_est in s.
+    /// The shortest window in which noise of f̂ of the standard deviation `noise` takes up no more
+    /// than a quarter of the force `limit` (both N, N·m), or the longest that is any use.
+    /// `time_constant`: T_est in s.
     pub fn of(noise: f64, limit: f64, time_constant: f64, sampling_time: Span) -> Self {
         let most = LARGEST_NOISE * limit;
         let of = |samples: usize| {
@@ -102,8 +102,8 @@ fn decay_and_gain(window: f64, time_constant: f64) -> (f64, f64) {
 }
 
 impl<const D: usize> LagInverse<D> {
-    /// Nothing seen. `noise` is the standard deviation of f̂ per axis, `limit` the force that f̄ is to be
-    /// held against (N, N·m).
+    /// Nothing seen. `noise` is the standard deviation of f̂ per axis, `limit` the force that f̄ is
+    /// to be held against (N, N·m).
     pub(super) fn new(
         time_constant: SVector<f64, D>,
         noise: &SVector<f64, D>,

@@ -193,8 +193,8 @@ impl<const D: usize> Belief<D> {
         self.surface.pressing_force(&force.wrench) - noise
     }
 
-    /// Learns from a sample; `joint_velocity` is q̇ at it as it is believed to be, in rad/s, `felt` the
-    /// part of its wrench above β. If the model is `doubted`,
+    /// Learns from a sample; `joint_velocity` is q̇ at it as it is believed to be, in rad/s, `felt`
+    /// the part of its wrench above β. If the model is `doubted`,
     /// because it led to the stop under way, the surface in contact is moved to where the measured
     /// force says it is.
     pub(crate) fn follow<const N: usize>(
@@ -235,7 +235,8 @@ impl<const D: usize> Belief<D> {
     /// model led to must not rely on that model, by which the spring presses with `spring` (N,
     /// negative above the surface) at the pose that f̂ shows.
     fn trust_force(&mut self, pressing: f64, spring: f64) {
-        // At least what f̂ shows, with its lag and without; plus what it shows beyond the expected force.
+        // At least what f̂ shows, with its lag and without; plus what it shows beyond the expected
+        // force.
         let least = pressing.max(self.pressing_without_lag());
         let missing = if least > spring { least - spring } else { pressing - self.expected.pressing };
         self.surface.raise(missing / self.surface.normal_stiffness());
@@ -259,8 +260,8 @@ impl<const D: usize> Belief<D> {
         })
     }
 
-    /// Takes every axis out of contact: for an arm that is not under control. What is told is believed
-    /// again, where a stop had moved it.
+    /// Takes every axis out of contact: for an arm that is not under control. What is told is
+    /// believed again, where a stop had moved it.
     pub(crate) fn release(&mut self) {
         self.contact = Contact::none();
         if self.settings.contact_point == ContactPoint::Configured {

@@ -67,8 +67,8 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         self.model.jacobian_inverse * twist
     }
 
-    /// The state when the command for this sample reaches the joints, and the forces until then, under
-    /// the commands that are under way.
+    /// The state when the command for this sample reaches the joints, and the forces until then,
+    /// under the commands that are under way.
     pub(super) fn at_action(&self, settings: &Settings<N, D>, bounds: &ForceBounds<D>) -> Start<N, D> {
         let (sample, loops) = (self.sample, &settings.loops);
         let wrench = self.belief.wrench_ahead(&sample.wrench, sample.stamp);

@@ -170,8 +170,9 @@ impl<const N: usize, const D: usize> Settings<N, D> {
         }
     }
 
-    /// Position limits; where a joint cannot help coming to rest beyond one, the place where it does: zero
-    /// reference keeps it there, and where the rate of the offset is limited the straight way to zero.
+    /// Position limits; where a joint cannot help coming to rest beyond one, the place where it
+    /// does: zero reference keeps it there, and where the rate of the offset is limited the
+    /// straight way to zero.
     fn reachable(&self, limits: &Interval<N>, situation: &Situation<'_, N, D>, start: &State<N, D>) -> Interval<N> {
         let carried = start.carried();
         let until_rest = self.loops.until_rest();
@@ -184,8 +185,8 @@ impl<const N: usize, const D: usize> Settings<N, D> {
             before[axis].abs() / slowest
         };
         let braking = (0..D).map(longest).fold(0.0, f64::max);
-        // Only as far as the horizon sees: a bound at the end of the way would let the arm brake later, again
-        // and again.
+        // Only as far as the horizon sees: a bound at the end of the way would let the arm brake
+        // later, again and again.
         let steps = self.options.steps();
         let (mut left, mut way) = (1.0, 0.0);
         for (step, length) in steps.iter().enumerate() {

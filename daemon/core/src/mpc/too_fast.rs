@@ -1,9 +1,9 @@
 //! A ṗ0 that is too fast for the joints.
 //!
 //! Where the motion controller asks for more than the joints may turn, on axes that have no offset,
-//! the limits of joint speed, offset and speed into the surface can contradict one another, whatever
-//! the force is. The arm turns that fast all the same, with or without an answer. So the force is
-//! kept, and no joint is asked for more than ṗ0 itself asks of it.
+//! the limits of joint speed, offset and speed into the surface can contradict one another,
+//! whatever the force is. The arm turns that fast all the same, with or without an answer. So the
+//! force is kept, and no joint is asked for more than ṗ0 itself asks of it.
 //!
 //! Limits of joint position are not widened: an arm that ṗ0 drives beyond one is stopped.
 
@@ -15,8 +15,9 @@ use super::condensation::Prediction;
 const ROOM: f64 = 1e-3;
 
 impl<const N: usize, const D: usize> Prediction<'_, N, D> {
-    /// Widens the limits of joint speed so that the inputs may be as near to zero as their own limits
-    /// allow, and where their rate is limited may go there. Returns whether there are such limits.
+    /// Widens the limits of joint speed so that the inputs may be as near to zero as their own
+    /// limits allow, and where their rate is limited may go there. Returns whether there are such
+    /// limits.
     pub(super) fn let_joints_follow(&mut self, jacobian_inverse: &SMatrix<f64, N, D>) -> bool {
         let is_at_once = self.constraints.rate.is_none();
         let Some(speed) = &mut self.constraints.joint_speed else { return false };

@@ -1,6 +1,6 @@
 //! Commands under way: the command for the sample stamped t acts at t plus the command delay, so at
-//! a sample some earlier commands have yet to act, and some have yet to reach joints with dead time.
-//! They are known inputs of the model.
+//! a sample some earlier commands have yet to act, and some have yet to reach joints with dead
+//! time. They are known inputs of the model.
 
 use nalgebra::SVector;
 
@@ -61,8 +61,8 @@ impl<const D: usize> UnderWay<D> {
         self.len += 1;
     }
 
-    /// What the joints follow between two instants, in order, where a command reaches each after its
-    /// dead time.
+    /// What the joints follow between two instants, in order, where a command reaches each after
+    /// its dead time.
     pub(crate) fn between<const N: usize>(
         &self,
         start: Instant,

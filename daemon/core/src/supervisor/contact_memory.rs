@@ -39,8 +39,8 @@ impl<const D: usize> ContactMemory<D> {
         }
     }
 
-    /// The largest speed into the surface that may be commanded, in m/s, now that ṗ0 moves out of it
-    /// at `outward_speed`: what the approach had.
+    /// The largest speed into the surface that may be commanded, in m/s, now that ṗ0 moves out of
+    /// it at `outward_speed`: what the approach had.
     pub(super) fn inward_speed(&mut self, outward_speed: f64) -> f64 {
         self.approach = self.approach.max(-outward_speed);
         self.approach.max(FOLLOWING)

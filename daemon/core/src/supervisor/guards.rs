@@ -34,8 +34,9 @@ impl Guards {
         limits.are_passed_without_lag(force, |_| beyond).then_some(Cause::ForceExceeded)
     }
 
-    /// Whether the force is further from the expected one than the guard and noise allow, in this cycle.
-    /// `noise` is the standard deviation of f̂ in N; the expected force has that of the contact point.
+    /// Whether the force is further from the expected one than the guard and noise allow, in this
+    /// cycle. `noise` is the standard deviation of f̂ in N; the expected force has that of the
+    /// contact point.
     pub(super) fn mismatches<const D: usize>(&self, wrench: &SVector<f64, D>, noise: f64, belief: &Belief<D>) -> bool {
         let Some(most) = self.mismatch else { return false };
         let pressing = belief.surface().pressing_force(wrench);
@@ -62,8 +63,8 @@ pub(super) struct Limits<'a, const D: usize> {
 }
 
 impl<const D: usize> Limits<'_, D> {
-    /// Whether the force without the lag of f̂ is `beyond` its limit on an axis (N, N·m), and that is not
-    /// noise.
+    /// Whether the force without the lag of f̂ is `beyond` its limit on an axis (N, N·m), and that
+    /// is not noise.
     pub(super) fn are_passed_without_lag(&self, force: &WithoutLag<D>, beyond: impl Fn(usize) -> f64) -> bool {
         self.are_passed(&force.wrench, |axis| beyond(axis) + force.noise(axis, self.noise[axis]))
     }
@@ -74,9 +75,9 @@ impl<const D: usize> Limits<'_, D> {
     }
 }
 
-/// Whether the wrench pulls on a surface that can only be pressed, by more than β and its `noise` (the
-/// standard deviation in N). Friction may turn the sign of one axis, never that of the force along the
-/// normal.
+/// Whether the wrench pulls on a surface that can only be pressed, by more than β and its `noise`
+/// (the standard deviation in N). Friction may turn the sign of one axis, never that of the force
+/// along the normal.
 pub(super) fn pulls<const D: usize>(
     sign: ContactSign,
     thresholds: &Thresholds<D>,

@@ -63,7 +63,8 @@ pub(crate) struct Supervisor<const D: usize> {
     exceeded: u64,
 }
 
-/// Whether Idle for this reason is not a loss of control: nothing seen yet, or withdrawn by a person.
+/// Whether Idle for this reason is not a loss of control: nothing seen yet, or withdrawn by a
+/// person.
 fn is_withdrawn(reason: Option<StopReason>) -> bool {
     matches!(reason, None | Some(StopReason::Disabled | StopReason::Shutdown))
 }
@@ -96,8 +97,8 @@ impl<const D: usize> Supervisor<D> {
         matches!(self.mode, Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_))
     }
 
-    /// Whether an arm that is not in control stands still: control was given, and cannot act. Withdrawn
-    /// since, it lets the arm go with the first sample that shows no force.
+    /// Whether an arm that is not in control stands still: control was given, and cannot act.
+    /// Withdrawn since, it lets the arm go with the first sample that shows no force.
     pub(crate) fn holds(&self) -> bool {
         matches!(self.mode, Mode::Idle(reason) if !is_withdrawn(reason))
     }

@@ -71,7 +71,8 @@ fn an_arm_that_is_held_without_control_is_not_let_go_while_it_presses() {
             };
             assert_eq!((outcome.movement.motion, outcome.mode, outcome.stop_reason), expected, "{presses}");
         }
-        // Once it is let go, or where control never was, a silence is none of the daemon's business.
+        // Once it is let go, or where control never was, a silence is none of the daemon's
+        // business.
         if !presses {
             assert_eq!(silence(&mut controller, 200), Motion::Offset);
         }

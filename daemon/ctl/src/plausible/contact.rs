@@ -93,8 +93,8 @@ pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
     Ok(Contact { peak_ratio, is_over, late_losses, stop_reason, is_infeasible, counted, is_complete })
 }
 
-/// The peak when every joint goes outward at its speed limit from the first active sample on: what is
-/// attainable.
+/// The peak when every joint goes outward at its speed limit from the first active sample on: what
+/// is attainable.
 ///
 /// # Errors
 /// What the plant does not accept, and a configuration without limits of the joints' speeds.

@@ -121,7 +121,8 @@ fn a_window_is_no_longer_than_the_lag_and_none_is_needed_without() {
 
 #[test]
 fn noise_that_no_window_takes_out_is_said() {
-    // e^(−0.31) = 0.73345 of f̂ is left: 5 σ √(1 + a²) / (1 − a) = 23.2625 σ, of which 5 N are allowed for.
+    // e^(−0.31) = 0.73345 of f̂ is left: 5 σ √(1 + a²) / (1 − a) = 23.2625 σ, of which 5 N are
+    // allowed for.
     let found = NoiseWindow::of(1.0, 20.0, 0.1, Span::from_seconds(0.001));
     assert_eq!(found.samples, KEPT - 1);
     assert!((found.noise - 23.2625).abs() < 1e-4 && (found.excess - 18.2625).abs() < 1e-4, "{found:?}");

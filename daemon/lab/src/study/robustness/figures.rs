@@ -82,8 +82,8 @@ pub(super) struct Figures {
     seed: u64,
     #[serde(flatten)]
     all: Counts,
-    /// Of the runs above the limit: the peak over that of full outward speed, or over the limit where
-    /// that one keeps it.
+    /// Of the runs above the limit: the peak over that of full outward speed, or over the limit
+    /// where that one keeps it.
     excess_over_attainable: Option<Excess>,
     by_speed: Vec<Speed>,
     by_cell: Vec<OfCell>,

@@ -1,5 +1,5 @@
-//! `admittance-lab study robustness`: what remains of the law's promises in the worlds that a careful
-//! commissioning leaves open.
+//! `admittance-lab study robustness`: what remains of the law's promises in the worlds that a
+//! careful commissioning leaves open.
 
 mod cells;
 mod figures;
@@ -44,8 +44,8 @@ pub(crate) struct Run {
     contact: Contact,
     /// What full outward speed attains in it.
     outward: Peak,
-    /// Of a bad contact, for each cause: whether it is bad with that cause alone, and whether it is good
-    /// without it.
+    /// Of a bad contact, for each cause: whether it is bad with that cause alone, and whether it is
+    /// good without it.
     causes: Vec<(Cause, bool, bool)>,
 }
 
