@@ -59,6 +59,8 @@ pub(crate) struct Supervisor<const D: usize> {
     settings: Settings<D>,
     mode: Mode<D>,
     permission: Permission,
+    /// Whether the arm was held when permission was withdrawn, and has not been let go since.
+    still_holds: bool,
     contacts_lost: u64,
     exceeded: u64,
 }
@@ -77,13 +79,13 @@ impl<const D: usize> Supervisor<D> {
         } else {
             (Mode::Idle(Some(StopReason::Disabled)), Permission::Withdrawn(Ending::Disabled))
         };
-        Self { settings, mode, permission, contacts_lost: 0, exceeded: 0 }
+        Self { settings, mode, permission, still_holds: false, contacts_lost: 0, exceeded: 0 }
     }
 
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, mode, permission, contacts_lost, exceeded } = old;
-        (self.mode, self.permission) = (*mode, *permission);
+        let Self { settings: _, mode, permission, still_holds, contacts_lost, exceeded } = old;
+        (self.mode, self.permission, self.still_holds) = (*mode, *permission, *still_holds);
         (self.contacts_lost, self.exceeded) = (*contacts_lost, *exceeded);
     }
 
@@ -100,7 +102,7 @@ impl<const D: usize> Supervisor<D> {
     /// Whether an arm that is not in control stands still: control was given, and cannot act.
     /// Withdrawn since, it lets the arm go with the first sample that shows no force.
     pub(crate) fn holds(&self) -> bool {
-        matches!(self.mode, Mode::Idle(reason) if !is_withdrawn(reason))
+        matches!(self.mode, Mode::Idle(reason) if !is_withdrawn(reason)) && (self.is_enabled() || self.still_holds)
     }
 
     /// Contacts lost that should have been kept.
@@ -128,10 +130,6 @@ impl<const D: usize> Supervisor<D> {
         let next = decide(self.mode.name(), cause, self.settings.policy);
         let stop = cause.reason().map(|reason| Stop { reason, singular });
         self.mode = match (next, self.mode) {
-            // Without control there is none to lose.
-            (ModeName::Idle, Mode::Idle(reason)) if !self.is_enabled() && is_withdrawn(reason) => {
-                Mode::Idle(cause.reason().filter(|cause| is_withdrawn(Some(*cause))).or(reason))
-            }
             (ModeName::Idle, Mode::Idle(reason)) => Mode::Idle(cause.reason().or(reason)),
             (ModeName::Idle, _) => Mode::Idle(cause.reason()),
             (ModeName::Free, mode @ Mode::Free { .. }) => mode,
@@ -165,6 +163,7 @@ impl<const D: usize> Supervisor<D> {
                 (sample.is_new_run && felt.is_any()).then_some(Cause::StartedInContact)
             }
         };
+        self.still_holds = false;
         if let Some(cause) = cause {
             self.apply(cause, sample.stamp);
         }
