@@ -1,5 +1,5 @@
-//! Taring: the bias of the wrench from the last samples in free motion, without the tool's weight and
-//! inertia.
+//! Taring: the bias of the wrench from the last samples in free motion, without the tool's weight
+//! and inertia.
 
 use std::collections::VecDeque;
 

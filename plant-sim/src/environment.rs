@@ -9,7 +9,8 @@ use nalgebra::Vector3;
 
 use crate::maxwell::{Creep, Maxwell};
 
-/// A plane with a one-sided spring, an optional damper, optional creep and optional Coulomb friction.
+/// A plane with a one-sided spring, an optional damper, optional creep and optional Coulomb
+/// friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
     /// A point of the undeformed plane in the base frame, in m.

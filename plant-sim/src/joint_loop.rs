@@ -69,8 +69,8 @@ fn relative_bandwidth(damping: f64) -> f64 {
 }
 
 impl<const N: usize> JointLoop<N> {
-    /// Loops with the time constants T_V in s, all above zero: of first order where the damping ζ is
-    /// 0, else of second order with the −3 dB bandwidth 1/T_V.
+    /// Loops with the time constants T_V in s, all above zero: of first order where the damping ζ
+    /// is 0, else of second order with the −3 dB bandwidth 1/T_V.
     pub fn new(time_constant_s: SVector<f64, N>, damping: SVector<f64, N>) -> Self {
         let order = |time_constant_s: f64, damping: f64| match damping {
             0.0 => Order::First { time_constant_s },

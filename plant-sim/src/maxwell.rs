@@ -1,9 +1,10 @@
-//! A surface that creeps: beside its spring a Maxwell element, a spring in series with a damper (the
-//! standard linear solid). Pressed at once it is as stiff as both springs; what is held relaxes to
-//! the main spring's force; and after a touch the surface needs time to come back.
+//! A surface that creeps: beside its spring a Maxwell element, a spring in series with a damper
+//! (the standard linear solid). Pressed at once it is as stiff as both springs; what is held
+//! relaxes to the main spring's force; and after a touch the surface needs time to come back.
 //!
-//! With the depth x of the surface, the damper's extension s and the relaxation time τ: τ ṡ = x − s.
-//! While the tool presses, x is its depth; else the surface carries no force and x = k₁ s / (k + k₁).
+//! With the depth x of the surface, the damper's extension s and the relaxation time τ: τ ṡ = x −
+//! s. While the tool presses, x is its depth; else the surface carries no force and x = k₁ s / (k +
+//! k₁).
 
 /// The Maxwell element of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,8 +30,8 @@ impl Maxwell {
         creep.extension * self.stiffness / (stiffness + self.stiffness)
     }
 
-    /// The creep after `duration_s`, over which the tool goes to `penetration` (m) in a straight line;
-    /// exact for that while it presses, and while it does not.
+    /// The creep after `duration_s`, over which the tool goes to `penetration` (m) in a straight
+    /// line; exact for that while it presses, and while it does not.
     #[must_use]
     pub fn advanced(&self, stiffness: f64, creep: &Creep, penetration: f64, duration_s: f64) -> Creep {
         let extension = if penetration > self.free_depth(stiffness, creep) {

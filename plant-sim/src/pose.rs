@@ -35,8 +35,9 @@ impl ArmPose {
         (!self.inverse_jacobian.is_empty()).then(|| velocity.collect())
     }
 
-    /// The twist with the largest speed along `direction` (base frame) that keeps the speed limits of the
-    /// joints in rad/s: each joint at its limit, the way that helps. `None` where the arm is singular.
+    /// The twist with the largest speed along `direction` (base frame) that keeps the speed limits
+    /// of the joints in rad/s: each joint at its limit, the way that helps. `None` where the arm is
+    /// singular.
     pub fn fastest_twist(&self, direction: &[f64; 3], limits_rad_s: &[f64]) -> Option<Vec<f64>> {
         let mut twist = vec![0.0; self.jacobian.first()?.len()];
         for (column, limit) in self.jacobian.iter().zip(limits_rad_s) {

@@ -1,5 +1,5 @@
-//! A real wrench sensor between flange and tool: it feels the tool's weight (and, in the wrench that
-//! it is given, the tool's inertia) besides the contact,
+//! A real wrench sensor between flange and tool: it feels the tool's weight (and, in the wrench
+//! that it is given, the tool's inertia) besides the contact,
 //! has its own axes away from the TCP, may report the reaction, is biased, and saturates.
 
 use admittance_core::robot::{Pose, rotation_from_rpy};
@@ -41,9 +41,9 @@ impl WrenchSensor {
         }
     }
 
-    /// Force and torque in the sensor's axes at its origin, when the robot exerts `wrench` (base frame,
-    /// at the TCP) to press on the environment and to accelerate the tool; `tcp` is the orientation of
-    /// the TCP.
+    /// Force and torque in the sensor's axes at its origin, when the robot exerts `wrench` (base
+    /// frame, at the TCP) to press on the environment and to accelerate the tool; `tcp` is the
+    /// orientation of the TCP.
     pub fn reading(&self, wrench: &Vector6<f64>, tcp: &Matrix3<f64>) -> Vector6<f64> {
         let given_force = wrench.fixed_rows::<3>(0).into_owned();
         let given_torque = wrench.fixed_rows::<3>(3).into_owned();
@@ -96,7 +96,8 @@ mod tests {
         assert!((pushing - Vector6::new(10.0, 0.0, 0.0, 0.0, -2.0, 0.0)).norm() < 1e-12, "{pushing}");
         let reaction = WrenchSensor { reports_reaction: true, ..sensor() }.reading(&Vector6::zeros(), &upright);
         assert_eq!(reaction, -free);
-        // Upside down in the base frame's axes: the centre of gravity is on the other side of the TCP.
+        // Upside down in the base frame's axes: the centre of gravity is on the other side of the
+        // TCP.
         let turned = rotation_from_rpy([0.0, std::f64::consts::PI, 0.0]);
         let in_base = WrenchSensor { in_base_axes: true, ..sensor() }.reading(&Vector6::zeros(), &turned);
         assert!((in_base - Vector6::new(0.0, 0.0, 20.0, 0.0, 0.6, 0.0)).norm() < 1e-12, "{in_base}");

@@ -4,12 +4,12 @@
 use admittance_core::Counters;
 use admittance_core::quantities::Span;
 use admittance_host::config::parse;
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, GivenInName};
 use admittance_runner::cycle::{self, Cycle, CycleReport};
 use admittance_runner::virtual_time::{Step, VirtualTime};
 use ipc_types::{CommandSample, Mode, StateSample, StopReason, TruthSample, Verdict};
 use plant_sim::run::VirtualRun;
-use plant_sim::scenario::{MotionSection, Scenario};
+use plant_sim::scenario::{MotionSection, Scenario, SensorSection};
 
 use crate::session::PAPER_SCENARIO;
 
@@ -86,6 +86,29 @@ impl Experiment {
     pub fn with_normal(mut self, normal: [f64; 3]) -> Self {
         self.config.environment.surface_normal = normal;
         self.scenario.surface.as_mut().expect("a surface").normal = normal;
+        self
+    }
+
+    /// The same with a tool of this mass (kg) on a sensor at the flange, told as it is. In the
+    /// frame of the TCP: the sensor's origin (m) and rotation (rad), the tool's centre of gravity
+    /// (m).
+    #[must_use]
+    pub fn with_tool(mut self, mass_kg: f64, origin_m: [f64; 3], rpy_rad: [f64; 3], center_m: [f64; 3]) -> Self {
+        let wrench = &mut self.config.wrench;
+        wrench.given_in = GivenInName::Sensor;
+        (wrench.sensor_origin_m, wrench.sensor_rpy_rad) = (origin_m, rpy_rad);
+        (wrench.tool_mass_kg, wrench.tool_center_of_gravity_m) = (mass_kg, center_m);
+        self.scenario.sensor = Some(SensorSection {
+            origin_m,
+            rpy_rad,
+            in_base_axes: false,
+            reports_reaction: false,
+            bias: [0.0; 6],
+            tool_mass_kg: mass_kg,
+            tool_center_of_gravity_m: center_m,
+            gravity_m_s2: wrench.gravity_m_s2,
+            range: None,
+        });
         self
     }
 

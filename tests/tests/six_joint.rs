@@ -1,11 +1,11 @@
 //! A six-joint arm under the default profile at 1 kHz: presses on a level floor while it slides,
 //! with one, three and six admittance axes; in virtual time, and once with both real processes.
 
-use admittance_runner::config::{ContactPointName, GivenInName};
+use admittance_runner::config::ContactPointName;
 use end_to_end::closed_loop::{Experiment, Instant, Run};
 use end_to_end::session::{daemon_command, run_plant, with_keys, write};
 use end_to_end::{Child, PATIENCE, PrivateIpc, undisturbed};
-use plant_sim::scenario::{Scenario, SensorSection};
+use plant_sim::scenario::Scenario;
 use plant_sim::summary::Summary;
 
 const CONFIG: &str = include_str!("../../deploy/robots/six-joint.toml");
@@ -115,23 +115,7 @@ fn a_tool_that_is_swung_in_the_air_is_not_felt_on_any_axis() {
         .with_motion(&[(0.08, &[0.2, -0.1, 0.1, 0.3, -0.4, 0.5]), (0.08, &[-0.1, 0.2, 0.1, -0.6, 0.2, 0.1])]);
     experiment.scenario.surface = None;
     experiment.scenario.start.contact_time_s = None;
-    let wrench = &mut experiment.config.wrench;
-    wrench.given_in = GivenInName::Sensor;
-    wrench.sensor_origin_m = [0.01, 0.0, -0.15];
-    wrench.sensor_rpy_rad = [0.3, -0.2, 0.7];
-    wrench.tool_mass_kg = 3.0;
-    wrench.tool_center_of_gravity_m = [0.05, 0.03, -0.07];
-    experiment.scenario.sensor = Some(SensorSection {
-        origin_m: wrench.sensor_origin_m,
-        rpy_rad: wrench.sensor_rpy_rad,
-        in_base_axes: false,
-        reports_reaction: false,
-        bias: [0.0; 6],
-        tool_mass_kg: 3.0,
-        tool_center_of_gravity_m: wrench.tool_center_of_gravity_m,
-        gravity_m_s2: wrench.gravity_m_s2,
-        range: None,
-    });
+    let experiment = experiment.with_tool(3.0, [0.01, 0.0, -0.15], [0.3, -0.2, 0.7], [0.05, 0.03, -0.07]);
     for (axes, least) in [(0..3, 10.0), (3..6, 0.5)] {
         let run = experiment.run();
         let most = |value: &dyn Fn(&Instant, usize) -> f64| {

@@ -53,7 +53,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self
     }
 
-    /// The same, starting from a recorded [`Self::joint_motion`], which is that of the first sample.
+    /// The same, starting from a recorded [`Self::joint_motion`], which is that of the first
+    /// sample.
     #[must_use]
     pub fn moving(mut self, motion: &JointMotion<N>) -> Self {
         self.joints = self.joints.resuming(motion);
@@ -98,7 +99,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let felt = belief.felt(&sample.wrench);
         supervisor.admit(sample, &felt);
         if supervisor.is_in_control() {
-            belief.follow(sample, &felt, supervisor.doubts_model());
+            belief.follow(sample, &joints.velocity, &felt, supervisor.doubts_model());
             let guards = supervisor.guard(sample, belief);
             if let Some(end) = supervisor.follow_contact(sample, belief) {
                 output.settle(end, sample, belief.surface());
@@ -217,8 +218,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self.belief.snapshot()
     }
 
-    /// What the wrench shows of the acceleration of the tool's centre of gravity, on the task axes: what
-    /// a tool of 1 kg adds to it, in m/s² and m²/s².
+    /// What the wrench shows of the acceleration of the tool's centre of gravity, on the task axes:
+    /// what a tool of 1 kg adds to it, in m/s² and m²/s².
     pub fn tool_acceleration(&self) -> &SVector<f64, D> {
         self.intake.tool_acceleration()
     }

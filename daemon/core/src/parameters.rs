@@ -159,10 +159,10 @@ pub enum ParameterError {
     SamplingTime,
     /// A time constant of a joint is not above zero, or one of the wrench estimate is negative.
     TimeConstant,
-    /// A damping, dead time or lag of the speed loops is negative or no number; the dead times differ
-    /// by more than the shortest step; the longest, with the command delay, is longer than
-    /// [`MAX_DELAY_CYCLES`](output::MAX_DELAY_CYCLES); or there is one of these, and the model is not
-    /// exact or leaves delays out.
+    /// A damping, dead time or lag of the speed loops is negative or no number; the dead times
+    /// differ by more than the shortest step; the longest, with the command delay, is longer than
+    /// [`MAX_DELAY_CYCLES`](output::MAX_DELAY_CYCLES); or there is one of these, and the model is
+    /// not exact or leaves delays out.
     VelocityLoops,
     /// An input weight is not above zero: the QP would not be strictly convex.
     InputWeight,
@@ -177,8 +177,8 @@ pub enum ParameterError {
     /// The contact point is to be detected, but the estimates of the axes that feel it differ in
     /// T_est, or have a dead time.
     Detection,
-    /// The wrench has a dead time longer than [`MAX_DELAY_CYCLES`](output::MAX_DELAY_CYCLES), or a tool
-    /// whose inertia would come late as well, or the model is not exact or leaves delays out.
+    /// The wrench has a dead time longer than [`MAX_DELAY_CYCLES`](output::MAX_DELAY_CYCLES), or a
+    /// tool whose inertia would come late as well, or the model is not exact or leaves delays out.
     WrenchDeadTime,
     /// The storage is shorter than the horizon needs.
     Storage,

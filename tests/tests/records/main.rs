@@ -87,8 +87,8 @@ fn a_recorded_contact_is_replayed_to_the_bit() {
         assert!(compared + 20 > recorded, "{compared} of {recorded}: {text}");
 
         let (code, text) = replay(&late);
-        // No machine excuses a difference; but one that takes the processors away breaks the free motion
-        // that a recording begun late needs (exit 65).
+        // No machine excuses a difference; but one that takes the processors away breaks the free
+        // motion that a recording begun late needs (exit 65).
         certain(|| assert_ne!(code, Some(1), "{text}"));
         assert_eq!(code, Some(0), "{text}");
         assert!(text.contains("after 128 cycles in free motion"), "{text}");

@@ -1,8 +1,12 @@
 //! The deadline in virtual time: a solver that is cut short where the test says, and the exact
 //! sequence of answers that has to come instead. No clock is involved.
 
+use admittance_core::supervisor::Ending;
+use admittance_runner::cycle::Cycle;
 use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
 use ipc_types::{CommandSample, Mode, Motion, Source, StateSample, StopReason};
+use plant_sim::faults::FaultKind;
+use plant_sim::scenario::FaultSection;
 
 const SAMPLING_TIME_S: f64 = 0.001;
 const MAX_FALLBACKS: u32 = 3;
@@ -38,6 +42,11 @@ fn source(at: &Instant) -> u32 {
 /// Index of the first cycle that the MPC answers.
 fn first_contact(run: &Run) -> usize {
     run.instants.iter().position(|at| source(at) == Source::Mpc.code()).expect("a run into contact")
+}
+
+/// Commanded speed of a cycle out of the surface, m/s.
+fn commanded(at: &Instant) -> f64 {
+    (0..2).map(|axis| NORMAL[axis] * (at.state.twist_reference[axis] + at.command.velocity_offset[axis])).sum()
 }
 
 /// What `plan` planned for the sample `cycles` after its own.
@@ -179,6 +188,45 @@ fn a_stop_without_any_answer_is_over_after_its_timeout() {
         (after.command.motion, after.command.stop_reason),
         (Motion::Hold.code(), StopReason::FallbackExhausted.code())
     );
+}
+
+/// The arm presses on towards its set point when a person disables control, and there is no time
+/// to solve the stop, or no sample to solve it for: what goes on is the plan of the contact.
+#[test]
+fn a_stop_that_has_only_the_plan_of_the_contact_before_it_does_not_press_on() {
+    for (sampling_time, speed) in [(0.004, 0.05), (0.001, 0.05), (0.001, 0.1)] {
+        let mut pressing = Experiment::paper(sampling_time, speed);
+        pressing.config.contact.normal_force_reference_n = 120.0;
+        let quiet = pressing.run();
+        let first = first_contact(&quiet);
+        for begun in [3, 5, 10, 20].map(|after| first + after) {
+            let planned = commanded(&quiet.instants[begun]);
+            assert!(planned < -0.001, "cycle {begun}: the contact presses on at {planned} m/s");
+            let index = |state: &StateSample| state.sequence as usize - 1;
+            let mut nothing_usable = pressing.clone();
+            let at_s = quiet.instants[begun].time() + 0.9 * sampling_time;
+            nothing_usable.scenario.fault =
+                vec![FaultSection { at_s, duration_s: 3.0 * sampling_time, kind: FaultKind::NanWrench }];
+            for (what, experiment, late) in [("no time", &pressing, 4), ("no sample", &nothing_usable, 1)] {
+                let disable = |cycle: &mut dyn Cycle, state: &StateSample| {
+                    if index(state) == begun {
+                        cycle.end(Ending::Disabled);
+                    }
+                };
+                let is_late = |state: &StateSample, _| (begun..begun + late).contains(&index(state));
+                let run = experiment.run_in_time(disable, is_late);
+                let what = format!("{what}, {speed} m/s at {sampling_time} s, cycle {begun}");
+                let stop: Vec<_> = run.instants.iter().filter(|at| at.is_in(Mode::Stopping)).collect();
+                let played = stop.iter().filter(|at| source(at) == Source::Plan.code()).count();
+                assert!(played >= 2, "{what}: {played} cycles of the plan");
+                for at in stop {
+                    let outward = commanded(at);
+                    assert!(outward >= -1e-6, "{what}: {outward} m/s");
+                }
+                assert!(run.last().is_in(Mode::Stopped), "{what}");
+            }
+        }
+    }
 }
 
 /// A solver for which every iteration takes a share of the budget: which cycles end in time follows

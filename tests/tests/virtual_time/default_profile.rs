@@ -81,6 +81,22 @@ fn settles_at_the_lower_bound_and_slides_at_a_quarter_ms() {
     }
 }
 
+/// A weight on the force must not pull it below what is asked for, nor off the surface.
+#[test]
+fn settles_at_the_lower_bound_whatever_the_force_weighs() {
+    for (sampling_time, speed) in [(0.004, 0.2), (0.001, 0.3)] {
+        for weight in [1e-4, 1e-3, 1e-2, 3e-2] {
+            let mut experiment = Experiment::paper(sampling_time, speed);
+            experiment.config.mpc.wrench_weight.fill(weight);
+            experiment.at_instants(4, |share, run| {
+                let at = format!("weight {weight}, {speed} m/s at {sampling_time} s, contact at {share}");
+                assert_within(&format!("{at}: settled normal force"), run.settled_normal(), LEAST, 1.0);
+                assert_eq!((run.losses(), run.stop_reason()), (0, None), "{at}");
+            });
+        }
+    }
+}
+
 #[test]
 fn is_safe_at_0_3_m_s_with_4_ms() {
     is_safe_at(0.004, 0.3);

@@ -1,5 +1,6 @@
-//! State samples of a foreign plant, one after the other as on the wire: a six-joint arm rests on a floor
-//! in another physics engine, at 1 kHz. The solver of version 0.1 exchanged rows without end in it.
+//! State samples of a foreign plant, one after the other as on the wire: a six-joint arm rests on a
+//! floor in another physics engine, at 1 kHz. The solver of version 0.1 exchanged rows without end
+//! in it.
 
 use admittance_core::quantities::Instant;
 use admittance_host::config::parse;

@@ -1,12 +1,9 @@
-//! A heavy tool on a sensor at the flange, which feels what accelerates it: 3 kg, brought to speed and
-//! stopped by a surface. Told of it, the daemon sees what presses; told of its weight alone, it took
-//! the approach for a touch, and the touch for a pull.
+//! A heavy tool on a sensor at the flange, which feels what accelerates it: 3 kg, brought to speed
+//! and stopped by a surface. Told of it, the daemon sees what presses; told of its weight alone, it
+//! took the approach for a touch, and the touch for a pull.
 
 use end_to_end::closed_loop::{Experiment, Run};
 use ipc_types::Mode;
-use plant_sim::scenario::SensorSection;
-
-use admittance_runner::config::GivenInName;
 
 const MASS_KG: f64 = 3.0;
 /// f_max in N, and what the linear model may miss of it.
@@ -14,25 +11,8 @@ const MOST: f64 = 200.0 + 0.5;
 
 /// The paper's contact with the tool; the arm lies, its weight does not matter.
 fn experiment(sampling_time: f64, speed: f64) -> Experiment {
-    let mut experiment = Experiment::paper(sampling_time, speed);
-    let wrench = &mut experiment.config.wrench;
-    wrench.given_in = GivenInName::Sensor;
-    wrench.sensor_origin_m = [-0.15, 0.0, 0.0];
-    wrench.sensor_rpy_rad = [0.0, 0.0, 0.7];
-    wrench.tool_mass_kg = MASS_KG;
-    wrench.tool_center_of_gravity_m = [-0.06, 0.02, 0.0];
-    experiment.scenario.sensor = Some(SensorSection {
-        origin_m: wrench.sensor_origin_m,
-        rpy_rad: wrench.sensor_rpy_rad,
-        in_base_axes: false,
-        reports_reaction: false,
-        bias: [0.0; 6],
-        tool_mass_kg: MASS_KG,
-        tool_center_of_gravity_m: wrench.tool_center_of_gravity_m,
-        gravity_m_s2: wrench.gravity_m_s2,
-        range: None,
-    });
-    experiment
+    let (origin_m, center_m) = ([-0.15, 0.0, 0.0], [-0.06, 0.02, 0.0]);
+    Experiment::paper(sampling_time, speed).with_tool(MASS_KG, origin_m, [0.0, 0.0, 0.7], center_m)
 }
 
 /// Whether an axis was taken to be in contact before the tool touched.

@@ -101,8 +101,8 @@ fn joint_position() {
 
 #[test]
 fn joint_position_with_a_rate_too_slow_to_keep_it() {
-    // ṗ0 begins to slide at once; to end that takes the offset longer than the horizon sees ahead. So the
-    // joint has to pass its limit, as far as it cannot help, and every cycle has an answer.
+    // ṗ0 begins to slide at once; to end that takes the offset longer than the horizon sees ahead.
+    // So the joint has to pass its limit, as far as it cannot help, and every cycle has an answer.
     for (rate, speed) in [(0.5, 0.06), (0.3, 0.06), (0.5, 0.1)] {
         let slide = [speed * NORMAL[1], -speed * NORMAL[0]];
         let phases: [(f64, &[f64]); 3] = [(0.6, &[0.0, -0.01]), (0.3, &slide), (0.2, &[0.0, 0.0])];

@@ -17,8 +17,8 @@ fn first_in(run: &Run, mode: Mode) -> Option<&Instant> {
     run.instants.iter().find(|at| at.is_in(mode))
 }
 
-/// Peak of the force in N with every joint at its speed limit, outward, from the first sample on that
-/// passes β: what no law can be below by much.
+/// Peak of the force in N with every joint at its speed limit, outward, from the first sample on
+/// that passes β: what no law can be below by much.
 fn attainable(experiment: &Experiment) -> f64 {
     let Experiment { config, scenario } = experiment;
     200.0 * plausible::outward(config, scenario).expect("the joint speeds are limited").ratio

@@ -1,6 +1,7 @@
-//! The wrench without the lag of its estimate: what it shows of a force that f̂ hides, what stops by
-//! it, and what noise must not do.
+//! The wrench without the lag of its estimate: what it shows of a force that f̂ hides, what stops
+//! by it, and what noise must not do.
 
+use admittancectl::plausible;
 use end_to_end::closed_loop::{Experiment, Instant, Run};
 use ipc_types::{Mode, StopReason};
 
@@ -94,6 +95,16 @@ fn no_force_far_beyond_its_limit_is_silent() {
     assert!(beyond > 30, "{beyond} contacts beyond the limit");
 }
 
+/// What the robustness study calls silent: nothing that a person looks at has said so.
+#[test]
+fn a_force_beyond_its_limit_that_is_counted_is_not_silent() {
+    let Experiment { config, scenario } = stiffer(0.001, 0.5, 2.0);
+    let contact = plausible::press(&config, &scenario).expect("it can be simulated");
+    assert!(contact.is_over && contact.stop_reason.is_none() && !contact.is_infeasible, "{contact:?}");
+    assert!(contact.counted > 0 && !contact.is_silent(), "{contact:?}");
+    assert!(plausible::Contact { counted: 0, ..contact }.is_silent());
+}
+
 #[test]
 fn the_force_guard_without_lag_takes_the_guard_that_is_told() {
     let mut experiment = stiffer(0.004, 0.16, 5.0);
@@ -139,6 +150,26 @@ fn nothing_in(sampling_time: f64, seconds: f64) {
 fn two_newtons_of_noise_stop_nothing() {
     nothing_in(0.004, 80.0);
     nothing_in(0.001, 40.0);
+}
+
+/// A slow estimate and a small limit: no window is long enough to be quiet, and nobody told the
+/// noise.
+#[test]
+fn noise_that_was_not_told_is_not_counted_where_no_window_takes_it_out() {
+    for seed in 0..4 {
+        let mut experiment = Experiment::paper(0.001, 0.002)
+            .with_motion(&[(1.0, &[0.0, -0.002]), (9.0, &[0.0, -0.0005])])
+            .with_wrench_lag(0.1);
+        experiment.scenario.noise.wrench = 1.0;
+        experiment.scenario.noise.seed = seed;
+        experiment.config.contact.force_limit = vec![40.0, 40.0];
+        experiment.config.contact.normal_force_reference_n = 32.0;
+        let run = experiment.run();
+        let (peak, counted) = (run.peak(0).max(run.peak(1)), run.counters.exceeded);
+        println!("seed {seed}: at most {peak:.1} N, {counted} samples counted, {:?}", run.stop_reason());
+        assert!(run.touched() && peak < 40.0, "{peak} N");
+        assert_eq!((counted, run.stop_reason()), (0, None), "seed {seed}");
+    }
 }
 
 #[test]

@@ -6,6 +6,8 @@
 //! d − d₀) is then known for every d₀; the one that explains the estimates best (least squares) is
 //! the depth of the surface.
 
+use nalgebra::SVector;
+
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
 use crate::surface::Surface;
@@ -67,11 +69,13 @@ impl Detection {
 
     /// Takes in a sample. In contact, moves the contact point of `surface` along its normal to
     /// where the samples say it is, as long as they reach back to before the contact was noticed.
-    /// `lag` is T_est in s, `noise` the standard deviation of f̂ in N.
+    /// `joint_velocity` is q̇ at the sample as it is believed to be, in rad/s; `lag` is T_est in s,
+    /// `noise` the standard deviation of f̂ in N.
     pub(super) fn update<const N: usize, const D: usize>(
         &mut self,
         surface: &mut Surface<D>,
         sample: &Accepted<N, D>,
+        joint_velocity: &SVector<f64, N>,
         in_contact: bool,
         lag: f64,
         noise: f64,
@@ -80,7 +84,7 @@ impl Detection {
         self.push(Observation {
             stamp: sample.stamp,
             depth: -surface.height(&posture.pose().position),
-            speed: -surface.outward_speed(&(posture.jacobian() * sample.joint_velocity)),
+            speed: -surface.outward_speed(&(posture.jacobian() * joint_velocity)),
             pressing: surface.pressing_force(&sample.wrench),
         });
         if !in_contact {

@@ -33,8 +33,8 @@ impl Expected {
     }
 }
 
-/// What a filter with the time constant `lag` (s) makes of `value` in `elapsed` s, in which its input
-/// goes in a straight line.
+/// What a filter with the time constant `lag` (s) makes of `value` in `elapsed` s, in which its
+/// input goes in a straight line.
 pub(super) fn filtered(value: f64, from: f64, to: f64, elapsed: f64, lag: f64) -> f64 {
     if lag <= 0.0 || elapsed <= 0.0 {
         return to;

@@ -1,5 +1,5 @@
-//! How the joints really move: q̇ is reported late by some controllers, q̈ by none. Both follow from
-//! the references that the joints were given, corrected by what is reported.
+//! How the joints really move: q̇ is reported late by some controllers, q̈ by none. Both follow
+//! from the references that the joints were given, corrected by what is reported.
 
 use nalgebra::SVector;
 
@@ -9,7 +9,10 @@ use crate::output::UnderWay;
 use crate::quantities::Span;
 use crate::robot::VelocityLoops;
 
-/// Longest time between two samples over which the references in between are known.
+/// Longest time between two samples over which the loops are run along. Of the references in
+/// between as many are known as commands are kept: over a longer gap the first part counts as
+/// without an offset, and what that leaves wrong in q̈ fades with exp(−2ζω t). Beyond this no joint
+/// counts as accelerated.
 const LONGEST: Span = Span::from_nanoseconds(100_000_000);
 
 /// q̇ and q̈ of the joints at a sample.
@@ -95,7 +98,8 @@ impl<const N: usize, const D: usize> JointObserver<N, D> {
             let by_lag = SVector::<f64, 1>::new(lag);
             let step = Discretization::Zoh.without_dead_time(stretch.duration, loops, &by_lag);
             if lag > 0.0 {
-                // The filter of q̇ is the derivative of that of q: what q has done beyond it, over the lag.
+                // The filter of q̇ is the derivative of that of q: what q has done beyond it, over
+                // the lag.
                 let beyond = |moved: &SVector<f64, N>, filtered: SVector<f64, N>| (moved - filtered) / lag;
                 let column = |from: usize| step.wrench_by[from].column(0).into_owned();
                 shown = shown * step.wrench_decay[0]

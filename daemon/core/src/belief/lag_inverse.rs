@@ -1,31 +1,32 @@
 //! The force behind the estimate: f̂ with the lag of its filter taken out.
 //!
-//! Over a window W the filter (6) leaves a = e^(−W/T_est) of f̂, and adds what it makes of the force
-//! f. So
+//! Over a window W the filter (6) leaves a = e^(−W/T_est) of f̂, and adds what it makes of the
+//! force f. So
 //!
 //! f̄ = (f̂(t) − a f̂(t − W)) / (1 − a)
 //!
-//! is exactly the mean of f over the window, with weights that fade with T_est into the past. It is f
-//! where f is constant, f̂ + T_est df̂/dt for a short window, and never more than the largest f in the
-//! window: what is too high in f̄ is too high in f. (The inverse for a force that is a straight line
-//! between samples has a pole near −1: noise would ring in it.)
+//! is exactly the mean of f over the window, with weights that fade with T_est into the past. It is
+//! f where f is constant, f̂ + T_est df̂/dt for a short window, and never more than the largest f
+//! in the window: what is too high in f̄ is too high in f. (The inverse for a force that is a
+//! straight line between samples has a pole near −1: noise would ring in it.)
 //!
-//! White noise of the standard deviation σ in f̂ is σ √(1 + a²) / (1 − a) in f̄: a longer window has
-//! less noise, and shows less of a brief peak. A dead time of the wrench moves the window into the past
-//! by as much, and changes nothing else.
+//! White noise of the standard deviation σ in f̂ is σ √(1 + a²) / (1 − a) in f̄: a longer window
+//! has less noise, and shows less of a brief peak. Where even the longest one has more than the
+//! force limit allows for, f̄ is held against that much more. A dead time of the wrench moves the
+//! window into the past by as much, and changes nothing else.
 
 use nalgebra::SVector;
 
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
 
-/// So many standard deviations are not noise: white noise at 1 kHz passes four of them every 16 s, five
-/// every half hour.
+/// So many standard deviations are not noise: white noise at 1 kHz passes four of them every 16 s,
+/// five every half hour.
 pub const NOISE_DEVIATIONS: f64 = 5.0;
 /// Part of the force limit that the noise of f̄ may take up.
 const LARGEST_NOISE: f64 = 0.25;
-/// Part of a cycle by which the window may be shorter than wanted. After a stamp that is late the next
-/// seems close: what f̂ did in a whole cycle would be taken for what it did in a part of one.
+/// Part of a cycle by which the window may be shorter than wanted. After a stamp that is late the
+/// next seems close: what f̂ did in a whole cycle would be taken for what it did in a part of one.
 const JITTER: f64 = 0.1;
 /// Samples that are kept.
 const KEPT: usize = 32;
@@ -37,6 +38,45 @@ pub struct WithoutLag<const D: usize> {
     pub wrench: SVector<f64, D>,
     /// Its standard deviation over that of f̂.
     pub noise_gain: SVector<f64, D>,
+    /// What noise may feign in N and N·m beyond what the window was to leave of it.
+    pub noise_excess: SVector<f64, D>,
+}
+
+impl<const D: usize> WithoutLag<D> {
+    /// The part of the wrench on an axis in N or N·m that may be noise, where f̂ has the standard
+    /// deviation `noise`; 0 where that is not told.
+    pub(crate) fn noise(&self, axis: usize, noise: f64) -> f64 {
+        (NOISE_DEVIATIONS * self.noise_gain[axis] * noise).max(self.noise_excess[axis])
+    }
+}
+
+/// A window of f̄ on one axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NoiseWindow {
+    /// Its length in samples.
+    pub samples: usize,
+    /// Five standard deviations of the noise in f̄, in N or N·m.
+    pub noise: f64,
+    /// By how much those are more than a quarter of the force limit.
+    pub excess: f64,
+}
+
+impl NoiseWindow {
+    /// The shortest window in which noise of f̂ of the standard deviation `noise` takes up no more
+    /// than a quarter of the force `limit` (both N, N·m), or the longest that is any use.
+    /// `time_constant`: T_est in s.
+    pub fn of(noise: f64, limit: f64, time_constant: f64, sampling_time: Span) -> Self {
+        let most = LARGEST_NOISE * limit;
+        let of = |samples: usize| {
+            let (_, gain) = decay_and_gain(samples as f64 * sampling_time.seconds(), time_constant);
+            let noise = NOISE_DEVIATIONS * noise * gain;
+            // An ideal measurement needs no window.
+            Self { samples, noise, excess: if time_constant > 0.0 { (noise - most).max(0.0) } else { 0.0 } }
+        };
+        // Over more than T_est f̄ is no faster than f̂.
+        let is_long = |window: &Self| window.samples as f64 * sampling_time.seconds() >= time_constant;
+        (1..KEPT - 1).map(of).find(|window| window.noise <= most || is_long(window)).unwrap_or_else(|| of(KEPT - 1))
+    }
 }
 
 /// f̄ from f̂, with the samples that it needs.
@@ -44,8 +84,8 @@ pub struct WithoutLag<const D: usize> {
 pub(super) struct LagInverse<const D: usize> {
     /// T_est per axis in s.
     time_constant: SVector<f64, D>,
-    /// The window per axis in samples: the shortest with little enough noise.
-    window: [usize; D],
+    /// The window per axis: the shortest with little enough noise.
+    window: [NoiseWindow; D],
     /// T_s.
     sampling_time: Span,
     /// The last samples of f̂, oldest first.
@@ -62,25 +102,18 @@ fn decay_and_gain(window: f64, time_constant: f64) -> (f64, f64) {
 }
 
 impl<const D: usize> LagInverse<D> {
-    /// Nothing seen. `noise` is the standard deviation of f̂ per axis, `limit` the force that f̄ is to be
-    /// held against (N, N·m).
+    /// Nothing seen. `noise` is the standard deviation of f̂ per axis, `limit` the force that f̄ is
+    /// to be held against (N, N·m).
     pub(super) fn new(
         time_constant: SVector<f64, D>,
         noise: &SVector<f64, D>,
         limit: &SVector<f64, D>,
         sampling_time: Span,
     ) -> Self {
-        let window = core::array::from_fn(|axis| {
-            let most = LARGEST_NOISE * limit[axis];
-            let is_quiet = |samples: &usize| {
-                let window = *samples as f64 * sampling_time.seconds();
-                let (_, gain) = decay_and_gain(window, time_constant[axis]);
-                // Over more than T_est f̄ is no faster than f̂.
-                NOISE_DEVIATIONS * noise[axis] * gain <= most || window >= time_constant[axis]
-            };
-            (1..KEPT - 1).find(is_quiet).unwrap_or(KEPT - 1)
-        });
-        let force = WithoutLag { wrench: SVector::zeros(), noise_gain: SVector::repeat(1.0) };
+        let window =
+            core::array::from_fn(|axis| NoiseWindow::of(noise[axis], limit[axis], time_constant[axis], sampling_time));
+        let force =
+            WithoutLag { wrench: SVector::zeros(), noise_gain: SVector::repeat(1.0), noise_excess: SVector::zeros() };
         Self {
             time_constant,
             window,
@@ -108,19 +141,22 @@ impl<const D: usize> LagInverse<D> {
         self.push(sample.stamp, &sample.wrench);
         let (now, last) = (sample.stamp, self.len - 1);
         for axis in 0..D {
-            let least = self.sampling_time * (self.window[axis] as f64 - JITTER);
+            let least = self.sampling_time * (self.window[axis].samples as f64 - JITTER);
             let measured = sample.wrench[axis];
             let before = (0..last).rev().find(|before| now.since(self.stamps[*before]) >= least);
             // An ideal measurement needs no window.
             let before = before.filter(|_| self.time_constant[axis] > 0.0);
-            (self.force.wrench[axis], self.force.noise_gain[axis]) = match before {
-                None => (measured, 1.0),
+            let (wrench, gain, excess) = match before {
+                None => (measured, 1.0, 0.0),
                 Some(before) => {
                     let window = now.since(self.stamps[before]).seconds();
                     let (decay, gain) = decay_and_gain(window, self.time_constant[axis]);
-                    ((measured - decay * self.wrenches[before][axis]) / (1.0 - decay), gain)
+                    let mean = (measured - decay * self.wrenches[before][axis]) / (1.0 - decay);
+                    (mean, gain, self.window[axis].excess)
                 }
             };
+            (self.force.wrench[axis], self.force.noise_gain[axis]) = (wrench, gain);
+            self.force.noise_excess[axis] = excess;
         }
     }
 

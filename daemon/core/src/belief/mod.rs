@@ -38,7 +38,7 @@ pub(crate) use contact::{Contact, Felt, SurfaceSigns};
 pub use expectation::Expected;
 pub use joint_motion::JointMotion;
 pub(crate) use joint_motion::JointObserver;
-pub use lag_inverse::{NOISE_DEVIATIONS, WithoutLag};
+pub use lag_inverse::{NOISE_DEVIATIONS, NoiseWindow, WithoutLag};
 
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
@@ -187,23 +187,31 @@ impl<const D: usize> Belief<D> {
 
     /// The pressing force in N without the lag of f̂, less what may be noise.
     pub(crate) fn pressing_without_lag(&self) -> f64 {
-        let WithoutLag { wrench, noise_gain } = self.without_lag();
+        let force = self.without_lag();
         let felt = self.signs.axes(&self.settings.thresholds.admittance);
-        let noise = felt.map(|axis| noise_gain[axis] * self.settings.wrench_noise[axis]).fold(0.0, f64::max);
-        self.surface.pressing_force(wrench) - NOISE_DEVIATIONS * noise
+        let noise = felt.map(|axis| force.noise(axis, self.settings.wrench_noise[axis])).fold(0.0, f64::max);
+        self.surface.pressing_force(&force.wrench) - noise
     }
 
-    /// Learns from a sample; `felt` is the part of its wrench above β. If the model is `doubted`,
+    /// Learns from a sample; `joint_velocity` is q̇ at it as it is believed to be, in rad/s, `felt`
+    /// the part of its wrench above β. If the model is `doubted`,
     /// because it led to the stop under way, the surface in contact is moved to where the measured
     /// force says it is.
-    pub(crate) fn follow<const N: usize>(&mut self, sample: &Accepted<N, D>, felt: &Felt<D>, doubted: bool) {
+    pub(crate) fn follow<const N: usize>(
+        &mut self,
+        sample: &Accepted<N, D>,
+        joint_velocity: &SVector<f64, N>,
+        felt: &Felt<D>,
+        doubted: bool,
+    ) {
         let Settings { thresholds, sign, contact_point, .. } = &self.settings;
         let by_surface = (*sign == ContactSign::Normal).then_some(&self.signs);
         let was_in_contact = self.contact.is_any();
         self.contact = self.contact.update(thresholds, felt, by_surface, &sample.wrench);
         let lag = self.lag();
         if let ContactPoint::Detected { wrench_noise } = *contact_point {
-            self.detection.update(&mut self.surface, sample, self.contact.is_any(), lag, wrench_noise);
+            let in_contact = self.contact.is_any();
+            self.detection.update(&mut self.surface, sample, joint_velocity, in_contact, lag, wrench_noise);
             if self.contact.is_any() && !was_in_contact {
                 // What was expected of the last sample was of a surface that was not known yet.
                 self.expected.spring = self.detection.spring_before(&self.surface).max(0.0);
@@ -227,7 +235,8 @@ impl<const D: usize> Belief<D> {
     /// model led to must not rely on that model, by which the spring presses with `spring` (N,
     /// negative above the surface) at the pose that f̂ shows.
     fn trust_force(&mut self, pressing: f64, spring: f64) {
-        // At least what f̂ shows, with its lag and without; plus what it shows beyond the expected force.
+        // At least what f̂ shows, with its lag and without; plus what it shows beyond the expected
+        // force.
         let least = pressing.max(self.pressing_without_lag());
         let missing = if least > spring { least - spring } else { pressing - self.expected.pressing };
         self.surface.raise(missing / self.surface.normal_stiffness());
@@ -251,8 +260,8 @@ impl<const D: usize> Belief<D> {
         })
     }
 
-    /// Takes every axis out of contact: for an arm that is not under control. What is told is believed
-    /// again, where a stop had moved it.
+    /// Takes every axis out of contact: for an arm that is not under control. What is told is
+    /// believed again, where a stop had moved it.
     pub(crate) fn release(&mut self) {
         self.contact = Contact::none();
         if self.settings.contact_point == ContactPoint::Configured {

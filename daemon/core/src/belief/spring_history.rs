@@ -49,8 +49,8 @@ impl SpringHistory {
         }
     }
 
-    /// What a filter with the time constant `lag` (s) that shows `shown` N after `dead_time` will have
-    /// come to when everything until `now` has reached it, in N.
+    /// What a filter with the time constant `lag` (s) that shows `shown` N after `dead_time` will
+    /// have come to when everything until `now` has reached it, in N.
     pub(super) fn ahead(&self, shown: f64, now: Instant, dead_time: Span, lag: f64) -> f64 {
         let start = now - dead_time;
         let (mut value, mut from) = (shown, (start, self.at(start)));

@@ -139,8 +139,8 @@ impl SampleOrder {
         before.is_some_and(|last| last.boot_id != now.boot_id)
     }
 
-    /// Ends the block with the sample `now`, if it is long enough, and begins the next; `is_even`: its
-    /// spacing is that of the samples before it.
+    /// Ends the block with the sample `now`, if it is long enough, and begins the next; `is_even`:
+    /// its spacing is that of the samples before it.
     fn measure_rate(&mut self, now: Stamped, is_even: bool) {
         let count = self.block.map_or(0, |start| now.sequence - start.sequence);
         match self.block {

@@ -3,8 +3,8 @@
 //! filter T_est. No acceleration is measured, and none is needed: of the velocity v, which follows
 //! from q̇, the filter makes (v − LP(v)) / T_est of v̇, LP being the filter itself.
 //!
-//! The tool counts as a point mass. With the momenta per mass p = (v, r × v) about the TCP, r from the
-//! TCP to the centre of gravity, the wrench that accelerates it is m (ṗ − (0, ṙ × v_TCP)).
+//! The tool counts as a point mass. With the momenta per mass p = (v, r × v) about the TCP, r from
+//! the TCP to the centre of gravity, the wrench that accelerates it is m (ṗ − (0, ṙ × v_TCP)).
 
 use nalgebra::{SVector, Vector3, Vector6};
 
@@ -41,8 +41,8 @@ impl<const D: usize> ToolMotion<D> {
         Self { seen: None, felt: SVector::from_fn(|axis, _| acceleration[axis]) }
     }
 
-    /// After a sample taken in `posture`. Between samples p counts as a straight line; in another run of
-    /// the motion controller, and after a pause, the tool counts as steady.
+    /// After a sample taken in `posture`. Between samples p counts as a straight line; in another
+    /// run of the motion controller, and after a pause, the tool counts as steady.
     pub(super) fn followed<const N: usize>(
         &self,
         settings: &Settings<N, D>,

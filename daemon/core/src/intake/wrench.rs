@@ -4,8 +4,8 @@
 //! A sensor between flange and tool feels the environment, and the weight and the inertia of the
 //! tool. With the wrench w that is given, its bias b, the sign s (+1: robot on environment, −1: the
 //! reaction), T from the sensor's frame to the base frame at the TCP, and as wrenches about the TCP
-//! the tool's weight G and what accelerates the tool, A: f̂ = s T (w − b) + G − A. For s T (w − b) is
-//! what the robot exerts on tool and environment together; −G of it holds the tool, A moves it.
+//! the tool's weight G and what accelerates the tool, A: f̂ = s T (w − b) + G − A. For s T (w − b)
+//! is what the robot exerts on tool and environment together; −G of it holds the tool, A moves it.
 
 use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 
@@ -84,7 +84,8 @@ impl<const D: usize> Conditioning<D> {
         })
     }
 
-    /// What the robot exerts on the environment while the tool is not accelerated, before the deadband.
+    /// What the robot exerts on the environment while the tool is not accelerated, before the
+    /// deadband.
     fn at_rest(&self, given: &GivenWrench, tcp: &Matrix3<f64>) -> BaseWrench {
         let unbiased = given.0 - self.bias;
         let (mut force, mut torque) = halves(&unbiased);

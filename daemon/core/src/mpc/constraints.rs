@@ -72,8 +72,8 @@ pub struct Constraints<const N: usize, const D: usize> {
     pub force: ForceBounds<D>,
     /// J⁻¹ (ṗ0 + Δṗ) in every step, rad/s.
     pub joint_speed: Option<Interval<N>>,
-    /// Where each joint would come to rest, q + T_V q̇, at the end of every step, rad: bounded itself, q
-    /// could reach its limit at a speed.
+    /// Where each joint would come to rest, q + T_V q̇, at the end of every step, rad: bounded
+    /// itself, q could reach its limit at a speed.
     pub rest_position: Option<Interval<N>>,
     /// Δṗ in every step, m/s and rad/s.
     pub offset: Option<Interval<D>>,

@@ -10,8 +10,9 @@ use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
 
-/// The price of a force below f_min. At rest nothing pulls the force there; after an impact the price
-/// is low enough that a dip between samples, which may be unavoidable, does not cause the next impact.
+/// The price of a force below f_min. At rest nothing pulls the force there; after an impact the
+/// price is low enough that a dip between samples, which may be unavoidable, does not cause the
+/// next impact.
 const KEPT: Slack = Slack { softened: Softened::Minimum, price: 1.0, curvature: 0.1 };
 
 /// R once the arm was halted, relative to R. An impact wants the arm to brake at once; afterwards a loop
@@ -86,12 +87,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // A pulling spring would hold back a TCP that is leaving, and a fading estimate one that is
         // returning: an axis that should press but does not has no force cost.
         let wrench_axes = if is_soft && !holds { InputAxes::none() } else { InputAxes::from_mask(&demand.active) };
-        // Once a force is kept, neither the part of ṗ0 into the surface nor the offset that cancels it
-        // shall bias it.
+        // Once a force is kept, neither the part of ṗ0 into the surface nor the offset that cancels
+        // it shall bias it.
         let inward = surface.outward_speed(&sample.twist_reference).min(0.0);
         let wanted_offset = surface.normal * if holds { -inward } else { 0.0 };
-        // A force set point below f_min would lean on the price of the lower bound with all its weight: an
-        // error of the model would throw the arm from one to the other.
+        // A force set point below f_min would lean on the price of the lower bound with all its
+        // weight: an error of the model would throw the arm from one to the other.
         // Axes that hardly feel the surface press in another way.
         let feels = |bound: &&AxisBound| situation.belief.surface_signs().sign(bound.axis).is_some();
         let along_normal = |bound: &AxisBound| bound.minimum / surface.normal[bound.axis].abs();

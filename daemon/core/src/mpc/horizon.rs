@@ -10,8 +10,8 @@ use crate::robot::VelocityLoops;
 /// Largest number of instants at which the force is bounded.
 pub const MAX_FORCE_POINTS: usize = 3 * MAX_STEPS;
 
-/// An instant within a step, or at its end: q there = q + Σ a_c c + b r, of q and of what the joints
-/// carry at the start of the step.
+/// An instant within a step, or at its end: q there = q + Σ a_c c + b r, of q and of what the
+/// joints carry at the start of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ForcePoint<const N: usize> {
     /// The step, from 0.

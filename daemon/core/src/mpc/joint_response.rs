@@ -22,8 +22,8 @@ impl Order {
     }
 }
 
-/// The motion of a joint over a stretch: of q, and of q̇ and q̈ (0 and 1), by q̇ and q̈ at its start
-/// and by the reference; and, of two stretches, by the earlier one's reference.
+/// The motion of a joint over a stretch: of q, and of q̇ and q̈ (0 and 1), by q̇ and q̈ at its
+/// start and by the reference; and, of two stretches, by the earlier one's reference.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Motion {
     pub(super) position_by: [f64; 2],
@@ -102,7 +102,8 @@ impl Estimate {
         let by = match order {
             Order::First { lag: joint_lag } => [first_order(t, joint_lag, lag), 0.0],
             Order::Second { square, sigma } => {
-                // The filtered impulse response u; W u' = s − u, and 1/(pD) = (1/p − (p + 2σ)/D)/ω².
+                // The filtered impulse response u; W u' = s − u, and 1/(pD) = (1/p − (p +
+                // 2σ)/D)/ω².
                 let u = filtered_impulse(t, square, sigma, lag);
                 let slope = (motion.carried_by[0][1] - u) / lag;
                 let by_acceleration = (gain - slope - 2.0 * sigma * u) / square;
@@ -169,7 +170,8 @@ fn filtered_impulse(t: f64, square: f64, sigma: f64, lag: f64) -> f64 {
     let (split, filter) = (square - sigma * sigma, sigma - 1.0 / lag);
     let root = libm::sqrt(split.abs());
     if filter.abs().max(root) * t <= 1.0 {
-        // Close together in the time t: Σ h_n tⁿ⁺² / (n + 2)!, h_n the complete symmetric polynomials.
+        // Close together in the time t: Σ h_n tⁿ⁺² / (n + 2)!, h_n the complete symmetric
+        // polynomials.
         const TERMS: u32 = 20;
         let (mut of_loop, mut of_all, mut power, mut sum) = ([1.0, 0.0], 1.0, 0.5 * t * t, 0.0);
         for n in 0..TERMS {

@@ -72,6 +72,7 @@ mod step;
 mod stop;
 #[cfg(test)]
 mod tests;
+mod too_fast;
 mod verdict;
 #[doc(hidden)]
 pub mod warm_start;

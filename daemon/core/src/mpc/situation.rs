@@ -17,8 +17,8 @@ use crate::robot::Singular;
 /// Instants at which the force is looked at while an earlier command acts.
 const PIECES: u32 = 8;
 
-/// Largest lead in m/s: near a singular pose it grows without bound, and what is linear in the lag does not
-/// hold.
+/// Largest lead in m/s: near a singular pose it grows without bound, and what is linear in the
+/// lag does not hold.
 const MOST_LEAD: f64 = 0.01;
 
 /// Everything that a cycle knows, and the model that follows from it.
@@ -71,9 +71,9 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         self.model.jacobian_inverse * twist
     }
 
-    /// The offset along the normal without which an arm that slides with this twist would leave its path: a
-    /// joint lags behind its reference by T, and J turns meanwhile. J q̇ is not J r = `sliding` but
-    /// J r + J T J⁻¹ J̇ q̇. At most [`MOST_LEAD`].
+    /// The offset along the normal without which an arm that slides with this twist would leave
+    /// its path: a joint lags behind its reference by T, and J turns meanwhile. J q̇ is not
+    /// J r = `sliding` but J r + J T J⁻¹ J̇ q̇. At most [`MOST_LEAD`].
     pub(super) fn lead(&self, settings: &Settings<N, D>, sliding: &SVector<f64, D>) -> SVector<f64, D> {
         let (posture, normal) = (&self.sample.posture, &self.belief.surface().normal);
         let turning = posture.acceleration_at_constant_joint_velocity(&self.joint_velocity(sliding));
@@ -83,8 +83,8 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         normal * (-normal.dot(&twist)).clamp(-MOST_LEAD, MOST_LEAD)
     }
 
-    /// The state when the command for this sample reaches the joints, and the forces until then, under
-    /// the commands that are under way.
+    /// The state when the command for this sample reaches the joints, and the forces until then,
+    /// under the commands that are under way.
     pub(super) fn at_action(&self, settings: &Settings<N, D>, bounds: &ForceBounds<D>) -> Start<N, D> {
         let (sample, loops) = (self.sample, &settings.loops);
         let wrench = self.belief.wrench_ahead(&sample.wrench, sample.stamp);

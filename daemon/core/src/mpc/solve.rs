@@ -6,17 +6,23 @@ use super::condensation::{MpcRows, Prediction, condense};
 use super::constraints::{Constraints, ForceBounds};
 use super::model::{CARRIED, State};
 use super::qp::{QpOutcome, QpSolver, kkt_residual};
-use super::verdict::{checked_infeasible, margin_of};
+use super::verdict::{Contradiction, checked_contradiction, margin_of};
 use super::{Mpc, Settings, Situation, Solution};
 use crate::quantities::Span;
 use crate::robot::Interval;
+
+/// The limits of joints and inputs contradict one another, whatever the force.
+struct LimitsContradict {
+    /// Iterations of the solver.
+    iterations: u32,
+}
 
 /// Part of the straight way to standstill that a plan may be longer, for rounding.
 const ROOM: f64 = 1e-3;
 
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
     /// Solves a prediction whose inputs act on top of `known_twist` in each step, and leaves them
-    /// in the plan.
+    /// in the plan; once more where ṗ0 is [too fast](super::too_fast) for the joints.
     pub(super) fn solve(
         &mut self,
         situation: &Situation<'_, N, D>,
@@ -24,6 +30,27 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         known_twist: &[SVector<f64, D>],
         expired: &mut dyn FnMut() -> bool,
     ) -> Solution<()> {
+        let before = match self.solve_as_limited(situation, prediction, known_twist, expired) {
+            Ok(solution) => return solution,
+            Err(LimitsContradict { iterations }) => iterations,
+        };
+        let mut relieved = *prediction;
+        if !relieved.let_joints_follow(&situation.model.jacobian_inverse) {
+            return Solution::Failed { iterations: before };
+        }
+        match self.solve_as_limited(situation, &relieved, known_twist, expired) {
+            Ok(solution) => solution.after(before),
+            Err(LimitsContradict { iterations }) => Solution::Failed { iterations: before + iterations },
+        }
+    }
+
+    fn solve_as_limited(
+        &mut self,
+        situation: &Situation<'_, N, D>,
+        prediction: &Prediction<'_, N, D>,
+        known_twist: &[SVector<f64, D>],
+        expired: &mut dyn FnMut() -> bool,
+    ) -> Result<Solution<()>, LimitsContradict> {
         if self.horizon.carried() == 1 {
             self.solve_for::<1>(situation, prediction, known_twist, expired)
         } else {
@@ -37,7 +64,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         prediction: &Prediction<'_, N, D>,
         known_twist: &[SVector<f64, D>],
         expired: &mut dyn FnMut() -> bool,
-    ) -> Solution<()> {
+    ) -> Result<Solution<()>, LimitsContradict> {
         // From here on the number of inputs is a constant: loops over them are unrolled. Numbers
         // above D are left out.
         match prediction.inputs.as_slice().len() {
@@ -47,7 +74,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             4 if const { D >= 4 } => self.solve_with::<4, C>(situation, prediction, known_twist, expired),
             5 if const { D >= 5 } => self.solve_with::<5, C>(situation, prediction, known_twist, expired),
             6 if const { D >= 6 } => self.solve_with::<6, C>(situation, prediction, known_twist, expired),
-            _ => Solution::Failed { iterations: 0 },
+            _ => Ok(Solution::Failed { iterations: 0 }),
         }
     }
 
@@ -57,14 +84,14 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         prediction: &Prediction<'_, N, D>,
         known_twist: &[SVector<f64, D>],
         expired: &mut dyn FnMut() -> bool,
-    ) -> Solution<()> {
+    ) -> Result<Solution<()>, LimitsContradict> {
         if expired() {
-            return Solution::Expired { iterations: 0 };
+            return Ok(Solution::Expired { iterations: 0 });
         }
         let stamp = situation.sample.stamp;
         let rows = MpcRows::<N, D, M, C>::new(&situation.model, &self.horizon, prediction);
-        let Some(rows) = rows else { return Solution::Failed { iterations: 0 } };
-        let Some(mut pieces) = self.workspace.pieces(&rows) else { return Solution::Failed { iterations: 0 } };
+        let Some(rows) = rows else { return Ok(Solution::Failed { iterations: 0 }) };
+        let Some(mut pieces) = self.workspace.pieces(&rows) else { return Ok(Solution::Failed { iterations: 0 }) };
         condense(&rows, &mut pieces);
         self.warm_start.guess(&rows.layout, &self.horizon, stamp, pieces.answer.working);
         let (qp, mut answer, scratch) = pieces.split(&rows);
@@ -74,24 +101,25 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             QpOutcome::Solved { .. } => {
                 let residual = kkt_residual(&qp, answer.z, answer.multipliers, scratch);
                 if !residual.is_within(self.settings.options.solution_tolerance) {
-                    return Solution::Failed { iterations };
+                    return Ok(Solution::Failed { iterations });
                 }
                 margin_of(&rows, &qp, answer.z, &scratch[2 * qp.stride..])
             }
             QpOutcome::Infeasible { .. } => {
                 let reach = self.settings.limits.offset.max();
-                return match checked_infeasible(&rows, &qp, answer.multipliers, reach, scratch) {
-                    Some(verdict) => Solution::Infeasible { verdict, iterations },
-                    None => Solution::Failed { iterations },
+                return match checked_contradiction(&rows, &qp, answer.multipliers, reach, scratch) {
+                    Some(Contradiction::OfForces(verdict)) => Ok(Solution::Infeasible { verdict, iterations }),
+                    Some(Contradiction::OfLimits) => Err(LimitsContradict { iterations }),
+                    None => Ok(Solution::Failed { iterations }),
                 };
             }
             QpOutcome::Expired { .. } => {
                 // The next cycle continues from here: from nothing it would take just as long
                 // again.
                 self.warm_start.learn(&rows.layout, &self.horizon, stamp, answer.working);
-                return Solution::Expired { iterations };
+                return Ok(Solution::Expired { iterations });
             }
-            QpOutcome::Failed { .. } => return Solution::Failed { iterations },
+            QpOutcome::Failed { .. } => return Ok(Solution::Failed { iterations }),
         };
         self.warm_start.learn(&rows.layout, &self.horizon, stamp, answer.working);
         // Every step's twist, as an offset to the ṗ0 of this sample.
@@ -104,7 +132,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             let duration = Span::from_seconds(self.horizon.steps()[step].duration);
             self.plan.push(twist - situation.sample.twist_reference, duration);
         }
-        Solution::Planned { plan: (), verdict, iterations }
+        Ok(Solution::Planned { plan: (), verdict, iterations })
     }
 }
 
@@ -142,8 +170,9 @@ impl<const N: usize, const D: usize> Settings<N, D> {
         }
     }
 
-    /// Position limits; where a joint cannot help coming to rest beyond one, the place where it does: zero
-    /// reference keeps it there, and where the rate of the offset is limited the straight way to zero.
+    /// Position limits; where a joint cannot help coming to rest beyond one, the place where it
+    /// does: zero reference keeps it there, and where the rate of the offset is limited the
+    /// straight way to zero.
     fn reachable(&self, limits: &Interval<N>, situation: &Situation<'_, N, D>, start: &State<N, D>) -> Interval<N> {
         let carried = start.carried();
         let until_rest = self.loops.until_rest();
@@ -156,8 +185,8 @@ impl<const N: usize, const D: usize> Settings<N, D> {
             before[axis].abs() / slowest
         };
         let braking = (0..D).map(longest).fold(0.0, f64::max);
-        // Only as far as the horizon sees: a bound at the end of the way would let the arm brake later, again
-        // and again.
+        // Only as far as the horizon sees: a bound at the end of the way would let the arm brake
+        // later, again and again.
         let steps = self.options.steps();
         let (mut left, mut way) = (1.0, 0.0);
         for (step, length) in steps.iter().enumerate() {

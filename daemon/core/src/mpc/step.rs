@@ -23,8 +23,8 @@ pub enum Discretization {
 }
 
 /// One step of the model under a constant joint velocity reference r, joint by joint and axis by
-/// axis: q ← q + Σ a_c c + b r, c ← Σ c_c' c' + d r, f̂ ← e f̂ + (1 − e) f_lin(q) + K_e J (Σ A_c c +
-/// B r). c runs over what a joint carries: q̇ and, where loops are more than (4), q̈ and the
+/// axis: q ← q + Σ a_c c + b r, c ← Σ c_c' c' + d r, f̂ ← e f̂ + (1 − e) f_lin(q) + K_e J (Σ A_c c
+/// + B r). c runs over what a joint carries: q̇ and, where loops are more than (4), q̈ and the
 /// reference before, which acts for the rest of its dead time. All values on the right are those at
 /// the start, and A, B act joint by joint, for each axis with its own numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,19 +67,16 @@ impl<const N: usize, const D: usize> Step<N, D> {
 }
 
 impl Discretization {
-    /// The step of `duration` s for these speed loops and a wrench estimate with T_est (in s; 0 means
-    /// f̂ = f_lin at every instant, section V). The dead time that all joints have is not part of it:
-    /// by that the whole horizon begins later.
+    /// The step of `duration` s for these speed loops and a wrench estimate with T_est (in s; 0
+    /// means f̂ = f_lin at every instant, section V). The dead time that all joints have is not
+    /// part of it: by that the whole horizon begins later.
     pub fn step<const N: usize, const D: usize>(
         self,
         duration: f64,
         loops: &VelocityLoops<N>,
         wrench_time_constant: &SVector<f64, D>,
     ) -> Step<N, D> {
-        match self {
-            Self::Euler => euler(duration, &loops.time_constant, wrench_time_constant),
-            Self::Zoh => exact(duration, loops, &loops.further_dead_time(), wrench_time_constant),
-        }
+        self.step_after(&loops.further_dead_time(), duration, loops, wrench_time_constant)
     }
 
     /// The same under a reference that has reached the loops.
@@ -89,9 +86,19 @@ impl Discretization {
         loops: &VelocityLoops<N>,
         wrench_time_constant: &SVector<f64, D>,
     ) -> Step<N, D> {
+        self.step_after(&SVector::zeros(), duration, loops, wrench_time_constant)
+    }
+
+    fn step_after<const N: usize, const D: usize>(
+        self,
+        dead_time: &SVector<f64, N>,
+        duration: f64,
+        loops: &VelocityLoops<N>,
+        wrench_time_constant: &SVector<f64, D>,
+    ) -> Step<N, D> {
         match self {
             Self::Euler => euler(duration, &loops.time_constant, wrench_time_constant),
-            Self::Zoh => exact(duration, loops, &SVector::zeros(), wrench_time_constant),
+            Self::Zoh => exact(duration, loops, dead_time, wrench_time_constant),
         }
     }
 }

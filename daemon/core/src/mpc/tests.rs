@@ -4,16 +4,20 @@ use nalgebra::Vector2;
 
 use super::condensation::Capacity;
 use super::qp::ActiveSet;
-use super::{Demand, Mpc, Situation, Solution};
+use super::{Demand, Mpc, Situation, Solution, Verdict};
 use crate::belief::{Belief, JointMotion};
-use crate::common::{active_set, normal, parameters, pushing};
+use crate::common::{active_set, normal, parameters, pressing, pushing};
 use crate::intake::{Accepted, Event, Intake, Sample};
 use crate::output::{Output, Plan};
+use crate::parameters::Parameters;
 
 type Planar = Mpc<2, 2, ActiveSet<Vec<f64>>, Vec<f64>>;
 
 fn mpc() -> Planar {
-    let parameters = parameters();
+    mpc_of(&parameters())
+}
+
+fn mpc_of(parameters: &Parameters<2, 2>) -> Planar {
     let storage = vec![0.0; Capacity::new::<2, 2>(parameters.mpc.horizon, 1).storage_len()];
     Mpc::new(parameters.mpc(), active_set(), storage).expect("storage of that length")
 }
@@ -30,9 +34,13 @@ fn demand() -> Demand<2> {
 
 /// What `solve` says of a contact that presses with `force` N while ṗ0 moves inward at `speed` m/s.
 fn solved<R>(mpc: &mut Planar, force: f64, speed: f64, solve: impl Fn(&mut Planar, &Situation<'_, 2, 2>) -> R) -> R {
-    let sample = accepted(&pushing(force, speed, 1));
+    solved_at(mpc, &pushing(force, speed, 1), solve)
+}
+
+fn solved_at<R>(mpc: &mut Planar, sample: &Sample<2, 2>, solve: impl Fn(&mut Planar, &Situation<'_, 2, 2>) -> R) -> R {
+    let sample = accepted(sample);
     let mut belief = Belief::new(parameters().belief());
-    belief.follow(&sample, &belief.felt(&sample.wrench), false);
+    belief.follow(&sample, &sample.joint_velocity, &belief.felt(&sample.wrench), false);
     let output = Output::new(parameters().output());
     let joints = JointMotion { velocity: sample.joint_velocity, acceleration: Vector2::zeros() };
     let situation = Situation::new(&sample, &belief, &output, joints).expect("far from singular");
@@ -96,4 +104,37 @@ fn a_stop_leads_out_of_the_surface_and_rests_where_the_force_is_low() {
     });
     assert!(outward.is_some_and(|speed| speed > 0.0), "{outward:?} m/s");
     assert!(solved(&mut mpc, 50.0, 0.05, |mpc, situation| mpc.may_rest(situation)), "50 N, at rest");
+}
+
+/// ṗ0 along the surface asks for more than the joints may turn, and the offset cannot help it.
+#[test]
+fn a_reference_that_is_too_fast_for_the_joints_is_answered_with_what_it_asks_itself() {
+    let (speed, limit) = (0.5, 0.1);
+    let mut parameters = parameters();
+    parameters.limits.offset.fill(0.02);
+    parameters.limits.joint_speed = Some(Vector2::repeat(limit));
+    let along = Vector2::new(normal().y, -normal().x) * speed;
+    let sample = Sample { twist_reference: along, ..pressing(60.0, 1) };
+    for rate in [None, Some(Vector2::repeat(1.0))] {
+        (parameters.limits.inward_rate, parameters.limits.outward_rate) = (rate, rate);
+        let check = |plan: &Plan<2>, situation: &Situation<'_, 2, 2>| {
+            let alone = situation.joint_velocity(&along).amax();
+            assert!(alone > 2.0 * limit, "{alone} rad/s");
+            for (offset, _) in plan.steps() {
+                let fastest = situation.joint_velocity(&(along + offset)).amax();
+                assert!(offset.amax() <= 0.02 + 1e-9 && fastest <= alone * 1.01, "{offset}: {fastest} rad/s");
+            }
+        };
+        let mut mpc = mpc_of(&parameters);
+        // Unequal lags lift the arm off at once: no lower bound.
+        let demand = Demand { minimum: [f64::NEG_INFINITY; 2], ..demand() };
+        solved_at(&mut mpc, &sample, |mpc, situation| match mpc.press(situation, &demand, &mut || false) {
+            Solution::Planned { plan, verdict: Verdict::Feasible { .. }, .. } => check(plan, situation),
+            solution => panic!("{solution:?}"),
+        });
+        solved_at(&mut mpc, &sample, |mpc, situation| match mpc.stop(situation, &mut || false) {
+            Solution::Planned { plan, .. } => check(plan, situation),
+            solution => panic!("{solution:?}"),
+        });
+    }
 }

@@ -77,20 +77,33 @@ pub(super) fn margin_of<const N: usize, const D: usize, const M: usize, const C:
     Verdict::Feasible { margin: margin - rows.off_maximum(z), axis, time }
 }
 
-/// The verdict on a problem that the solver calls infeasible, if its certificate `y` proves it for
-/// every input within `reach` (m/s, rad/s); `None` when it does not. `scratch` is at least stride
-/// long.
-pub(super) fn checked_infeasible<const N: usize, const D: usize, const M: usize, const C: usize>(
+/// What contradicts itself in a problem without solution.
+pub(super) enum Contradiction {
+    /// The force bounds, within the limits of joints and inputs.
+    OfForces(Verdict),
+    /// Those limits, whatever the force.
+    OfLimits,
+}
+
+/// Why a problem is infeasible that the solver calls so, if its certificate `y` proves it for every
+/// input within `reach` (m/s, rad/s); `None` when it does not. Of the certificate only the part of
+/// the limits is left in `y`; `scratch` is at least stride long.
+pub(super) fn checked_contradiction<const N: usize, const D: usize, const M: usize, const C: usize>(
     rows: &MpcRows<'_, N, D, M, C>,
     qp: &Qp<'_>,
-    y: &[f64],
+    y: &mut [f64],
     reach: f64,
     scratch: &mut [f64],
-) -> Option<Verdict> {
+) -> Option<Contradiction> {
     let force = rows.force_rows();
-    let shortfall = certificate_gap(qp, y, reach, &|row| force.contains(&row), scratch)?;
-    let row = rows.force_rows().max_by(|&a, &b| y[a].abs().total_cmp(&y[b].abs()))?;
-    let (axis, time) = rows.force_row(row)?;
-    let side = if y[row] > 0.0 { Side::Upper } else { Side::Lower };
-    Some(Verdict::Infeasible { axis, side, time, shortfall })
+    let shortfall = certificate_gap(qp, y, reach, &|row| force.contains(&row), scratch);
+    let row = rows.force_rows().max_by(|&a, &b| y[a].abs().total_cmp(&y[b].abs()));
+    let side = if row.is_some_and(|row| y[row] > 0.0) { Side::Upper } else { Side::Lower };
+    // Forces that have a part in it by rounding alone would be missed by any number of newtons.
+    y[force].fill(0.0);
+    if certificate_gap(qp, y, reach, &|_| true, scratch).is_some() {
+        return Some(Contradiction::OfLimits);
+    }
+    let (axis, time) = rows.force_row(row?)?;
+    Some(Contradiction::OfForces(Verdict::Infeasible { axis, side, time, shortfall: shortfall? }))
 }

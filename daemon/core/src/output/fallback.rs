@@ -74,8 +74,8 @@ impl<const D: usize> Output<D> {
         self.at_sample(Source::Retreat, sample)
     }
 
-    /// [`Self::fall_back`] of a stop: never inward, though the plan may be that of the contact before
-    /// it. Once its plan `is_exhausted` it leaves the surface, open
+    /// [`Self::fall_back`] of a stop: never inward, though the plan may be that of the contact
+    /// before it. Once its plan `is_exhausted` it leaves the surface, open
     /// loop: held on the spring it would never reach a low force.
     pub(crate) fn fall_back_in_stop<const N: usize>(
         &mut self,

@@ -1,12 +1,13 @@
 //! Commands under way: the command for the sample stamped t acts at t plus the command delay, so at
-//! a sample some earlier commands have yet to act, and some have yet to reach joints with dead time.
-//! They are known inputs of the model.
+//! a sample some earlier commands have yet to act, and some have yet to reach joints with dead
+//! time. They are known inputs of the model.
 
 use nalgebra::SVector;
 
 use crate::quantities::{Instant, Span};
 
-/// Commands kept.
+/// Commands kept. Of an instant before the oldest one nothing is known: there ṗ0 alone counts,
+/// without an offset.
 const COMMANDS: usize = 16;
 /// Longest command delay that is covered, in cycles.
 pub const MAX_DELAY_CYCLES: f64 = 8.0;
@@ -60,8 +61,8 @@ impl<const D: usize> UnderWay<D> {
         self.len += 1;
     }
 
-    /// What the joints follow between two instants, in order, where a command reaches each after its
-    /// dead time.
+    /// What the joints follow between two instants, in order, where a command reaches each after
+    /// its dead time.
     pub(crate) fn between<const N: usize>(
         &self,
         start: Instant,

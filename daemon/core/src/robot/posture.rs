@@ -26,7 +26,8 @@ impl<const N: usize, const D: usize> Posture<N, D> {
         &self.kinematics.pose
     }
 
-    /// Linear (m/s) and angular velocity (rad/s) of the TCP at the joint velocity in rad/s, base frame.
+    /// Linear (m/s) and angular velocity (rad/s) of the TCP at the joint velocity in rad/s, base
+    /// frame.
     pub fn velocity(&self, joint_velocity: &SVector<f64, N>) -> (Vector3<f64>, Vector3<f64>) {
         let twist = self.kinematics.jacobian * joint_velocity;
         (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned())

@@ -68,8 +68,8 @@ impl<const N: usize> VelocityLoops<N> {
         self.report_lag > 0.0 || self.damping.iter().any(|damping| *damping > 0.0)
     }
 
-    /// How much further, in s, a joint moves by each unit of q̇ (s), of q̈ (s²), and of the reference
-    /// that is in its dead time (s), until it rests under zero reference.
+    /// How much further, in s, a joint moves by each unit of q̇ (s), of q̈ (s²), and of the
+    /// reference that is in its dead time (s), until it rests under zero reference.
     pub fn until_rest(&self) -> [SVector<f64, N>; 3] {
         let frequency: SVector<f64, N> = SVector::from_fn(|joint, _| self.frequency(joint).unwrap_or(0.0));
         let by_velocity = |joint: usize, _| match frequency[joint] {

@@ -24,17 +24,19 @@ impl Guards {
     /// Whether some |f̂| is above its limit by more than the guard allows.
     pub(super) fn measured<const D: usize>(&self, wrench: &SVector<f64, D>, limits: &Limits<'_, D>) -> Option<Cause> {
         let beyond = self.force?;
-        limits.are_passed(wrench, &SVector::repeat(1.0), |_| beyond).then_some(Cause::MeasuredForce)
+        let noise = |axis: usize| NOISE_DEVIATIONS * limits.noise[axis];
+        limits.are_passed(wrench, |axis| beyond + noise(axis)).then_some(Cause::MeasuredForce)
     }
 
     /// The same of the force without the lag of f̂.
     pub(super) fn exceeded<const D: usize>(&self, force: &WithoutLag<D>, limits: &Limits<'_, D>) -> Option<Cause> {
         let beyond = self.force?;
-        limits.are_passed(&force.wrench, &force.noise_gain, |_| beyond).then_some(Cause::ForceExceeded)
+        limits.are_passed_without_lag(force, |_| beyond).then_some(Cause::ForceExceeded)
     }
 
-    /// Whether the force is further from the expected one than the guard and noise allow, in this cycle.
-    /// `noise` is the standard deviation of f̂ in N; the expected force has that of the contact point.
+    /// Whether the force is further from the expected one than the guard and noise allow, in this
+    /// cycle. `noise` is the standard deviation of f̂ in N; the expected force has that of the
+    /// contact point.
     pub(super) fn mismatches<const D: usize>(&self, wrench: &SVector<f64, D>, noise: f64, belief: &Belief<D>) -> bool {
         let Some(most) = self.mismatch else { return false };
         let pressing = belief.surface().pressing_force(wrench);
@@ -61,23 +63,21 @@ pub(super) struct Limits<'a, const D: usize> {
 }
 
 impl<const D: usize> Limits<'_, D> {
-    /// Whether |force| is `beyond` its limit on an axis (N, N·m), and that is not noise. `noise_gain` is
-    /// the noise of the force over that of f̂.
-    pub(super) fn are_passed(
-        &self,
-        force: &SVector<f64, D>,
-        noise_gain: &SVector<f64, D>,
-        beyond: impl Fn(usize) -> f64,
-    ) -> bool {
-        let most =
-            |axis: usize| self.force[axis] + beyond(axis) + NOISE_DEVIATIONS * noise_gain[axis] * self.noise[axis];
-        (0..D).any(|axis| self.admittance[axis] && force[axis].abs() > most(axis))
+    /// Whether the force without the lag of f̂ is `beyond` its limit on an axis (N, N·m), and that
+    /// is not noise.
+    pub(super) fn are_passed_without_lag(&self, force: &WithoutLag<D>, beyond: impl Fn(usize) -> f64) -> bool {
+        self.are_passed(&force.wrench, |axis| beyond(axis) + force.noise(axis, self.noise[axis]))
+    }
+
+    /// Whether |force| is this far `beyond` its limit on an axis.
+    fn are_passed(&self, force: &SVector<f64, D>, beyond: impl Fn(usize) -> f64) -> bool {
+        (0..D).any(|axis| self.admittance[axis] && force[axis].abs() > self.force[axis] + beyond(axis))
     }
 }
 
-/// Whether the wrench pulls on a surface that can only be pressed, by more than β and its `noise` (the
-/// standard deviation in N). Friction may turn the sign of one axis, never that of the force along the
-/// normal.
+/// Whether the wrench pulls on a surface that can only be pressed, by more than β and its `noise`
+/// (the standard deviation in N). Friction may turn the sign of one axis, never that of the force
+/// along the normal.
 pub(super) fn pulls<const D: usize>(
     sign: ContactSign,
     thresholds: &Thresholds<D>,

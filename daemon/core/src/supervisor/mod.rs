@@ -60,8 +60,16 @@ pub(crate) struct Supervisor<const D: usize> {
     settings: Settings<D>,
     mode: Mode<D>,
     permission: Permission,
+    /// Whether the arm was held when permission was withdrawn, and has not been let go since.
+    still_holds: bool,
     contacts_lost: u64,
     exceeded: u64,
+}
+
+/// Whether Idle for this reason is not a loss of control: nothing seen yet, or withdrawn by a
+/// person.
+fn is_withdrawn(reason: Option<StopReason>) -> bool {
+    matches!(reason, None | Some(StopReason::Disabled | StopReason::Shutdown))
 }
 
 impl<const D: usize> Supervisor<D> {
@@ -72,13 +80,13 @@ impl<const D: usize> Supervisor<D> {
         } else {
             (Mode::Idle(Some(StopReason::Disabled)), Permission::Withdrawn(Ending::Disabled))
         };
-        Self { settings, mode, permission, contacts_lost: 0, exceeded: 0 }
+        Self { settings, mode, permission, still_holds: false, contacts_lost: 0, exceeded: 0 }
     }
 
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, mode, permission, contacts_lost, exceeded } = old;
-        (self.mode, self.permission) = (*mode, *permission);
+        let Self { settings: _, mode, permission, still_holds, contacts_lost, exceeded } = old;
+        (self.mode, self.permission, self.still_holds) = (*mode, *permission, *still_holds);
         (self.contacts_lost, self.exceeded) = (*contacts_lost, *exceeded);
     }
 
@@ -93,9 +101,9 @@ impl<const D: usize> Supervisor<D> {
     }
 
     /// Whether an arm that is not in control stands still: control was given, and cannot act.
+    /// Withdrawn since, it lets the arm go with the first sample that shows no force.
     pub(crate) fn holds(&self) -> bool {
-        let is_lost = |reason| !matches!(reason, StopReason::Disabled | StopReason::Shutdown);
-        matches!(self.mode, Mode::Idle(Some(reason)) if is_lost(reason)) && self.is_enabled()
+        matches!(self.mode, Mode::Idle(reason) if !is_withdrawn(reason)) && (self.is_enabled() || self.still_holds)
     }
 
     /// Contacts lost that should have been kept.
@@ -149,6 +157,10 @@ impl<const D: usize> Supervisor<D> {
     pub(crate) fn admit<const N: usize>(&mut self, sample: &Accepted<N, D>, felt: &Felt<D>) {
         let cause = match self.mode {
             Mode::Idle(_) => match self.objection(sample) {
+                // Let go, a held arm would press on.
+                Some(Cause::Disabled | Cause::Shutdown) if felt.is_any() && self.holds() => {
+                    Some(Cause::StartedInContact)
+                }
                 Some(objection) => Some(objection),
                 None if felt.is_any() => Some(Cause::StartedInContact),
                 None => Some(Cause::Ready),
@@ -157,6 +169,7 @@ impl<const D: usize> Supervisor<D> {
                 (sample.is_new_run && felt.is_any()).then_some(Cause::StartedInContact)
             }
         };
+        self.still_holds = false;
         if let Some(cause) = cause {
             self.apply(cause, sample.stamp);
         }
@@ -192,11 +205,8 @@ impl<const D: usize> Supervisor<D> {
     /// Counts a cycle in which the force, without the lag of f̂, is beyond what a plan may have.
     pub(crate) fn count_exceeded(&mut self, belief: &Belief<D>) {
         let Settings { force_limit, limit_tolerance, .. } = &self.settings;
-        let force = belief.without_lag();
-        let passed = self
-            .settings
-            .limits()
-            .are_passed(&force.wrench, &force.noise_gain, |axis| limit_tolerance * force_limit[axis]);
+        let tolerance = |axis: usize| limit_tolerance * force_limit[axis];
+        let passed = self.settings.limits().are_passed_without_lag(belief.without_lag(), tolerance);
         self.exceeded += u64::from(passed);
     }
 

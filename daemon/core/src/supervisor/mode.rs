@@ -9,8 +9,8 @@ use crate::robot::Singular;
 /// What the controller is doing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Mode<const D: usize> {
-    /// Not in control: no valid sample yet, or for this reason. Before the first sample, and where a
-    /// person has withdrawn control, the offset is zero; else the arm is held.
+    /// Not in control: no valid sample yet, or for this reason. Before the first sample, and where
+    /// a person has withdrawn control in free motion, the offset is zero; else the arm is held.
     Idle(Option<StopReason>),
     /// In control, no axis in contact.
     Free {

@@ -93,6 +93,7 @@ impl<const D: usize> Supervisor<D> {
     /// Ends control: in free motion the offset ramps to zero, in contact the arm stops at a low
     /// force. It lasts until [`Self::enable`]; a shutdown cannot be taken back.
     pub(crate) fn withdraw(&mut self, ending: Ending) {
+        self.still_holds = self.holds();
         if self.permission != Permission::Withdrawn(Ending::Shutdown) {
             self.permission = Permission::Withdrawn(ending);
         }

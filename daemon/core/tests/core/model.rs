@@ -221,7 +221,8 @@ fn by_exponential(
     }
 }
 
-/// The same where the second joint's reference waits for its dead time: one stretch after the other.
+/// The same where the second joint's reference waits for its dead time: one stretch after the
+/// other.
 fn with_dead_time(
     model: &Model<2, 2>,
     loops: &VelocityLoops<2>,
@@ -282,7 +283,8 @@ fn the_exact_step_of_loops_of_second_order_is_the_matrix_exponential() {
     let x =
         State { joint_acceleration: Vector2::new(-12.0, 7.0), earlier_reference: Vector2::new(0.4, -0.9), ..moving() };
     let r = Vector2::new(-1.1, 0.7);
-    // Around critical damping the two poles meet, and above it one of them may be that of the filter.
+    // Around critical damping the two poles meet, and above it one of them may be that of the
+    // filter.
     let dampings = [0.1, 0.5, 0.7, 1.0 - 1e-9, 1.0, 1.0 + 1e-9, 1.0 + 1e-3, 1.25, 3.0];
     for (duration, damping) in [0.00025, 0.001, 0.004, 0.02].into_iter().flat_map(|t| dampings.map(|zeta| (t, zeta))) {
         let mut loops = common::parameters().loops;

@@ -9,12 +9,11 @@ use admittance_core::mpc::{InputSelection, LowerBound};
 use admittance_core::output::Law;
 use admittance_core::supervisor::OnInfeasible;
 use admittance_core::supervisor::{EnableRefused, Ending, ResetRefused};
-use admittance_core::vocabulary::Source;
-use admittance_core::vocabulary::{ModeName as Mode, StopReason};
+use admittance_core::vocabulary::{ModeName as Mode, Motion, Source, StopReason};
 use nalgebra::{Vector2, Vector6};
 
 use crate::common::{PlanarController, active_set, controller, parameters, pressing, pushing, step};
-use admittance_core::intake::Sample;
+use admittance_core::intake::{Event, Sample};
 use admittance_core::mpc::qp::ActiveSet;
 
 type Planar = PlanarController<ActiveSet<Vec<f64>>>;
@@ -48,6 +47,36 @@ fn stopping_at_a_low_force() -> Parameters<2, 2> {
 
 fn largest_change(one: &Vector2<f64>, other: &Vector2<f64>) -> f64 {
     (one - other).amax()
+}
+
+/// Held after a silence on a surface that ṗ0 pushes into, then told to end.
+#[test]
+fn an_arm_that_is_held_without_control_is_not_let_go_while_it_presses() {
+    for (ending, presses) in [Ending::Disabled, Ending::Shutdown].map(|it| [(it, true), (it, false)]).concat() {
+        let mut controller = with(parameters());
+        let sample = |sequence| pushing(if presses { 60.0 } else { -50.0 }, 0.05, sequence);
+        assert_eq!(step(&mut controller, &pushing(-50.0, 0.05, 1)).mode, Mode::Free);
+        let silence = |controller: &mut Planar, late| {
+            controller.step(Event::Silence, pressing(0.0, late).stamp, &mut || false).movement.motion
+        };
+        assert_eq!((silence(&mut controller, 100), controller.mode()), (Motion::Hold, Mode::Idle));
+        controller.end(ending);
+        assert_eq!(silence(&mut controller, 101), Motion::Hold, "nobody knows what it touches");
+        for sequence in 102..105 {
+            let outcome = step(&mut controller, &sample(sequence));
+            let expected = if presses {
+                (Motion::Hold, Mode::Stopped, Some(StopReason::StartedInContact))
+            } else {
+                (Motion::Offset, Mode::Idle, Some(ending.reason()))
+            };
+            assert_eq!((outcome.movement.motion, outcome.mode, outcome.stop_reason), expected, "{presses}");
+        }
+        // Once it is let go, or where control never was, a silence is none of the daemon's
+        // business.
+        if !presses {
+            assert_eq!(silence(&mut controller, 200), Motion::Offset);
+        }
+    }
 }
 
 #[test]

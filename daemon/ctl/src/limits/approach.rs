@@ -146,7 +146,7 @@ fn sensor(told: &WrenchConditioning) -> Option<SensorSection> {
         gravity_m_s2: told.gravity_m_s2,
         range: told.saturation,
     };
-    // Without any of it the estimate is given as it is; a sample at the end of the range is not used.
+    // Without any of it the estimate is given as it is; what is out of range is not used.
     let is_plain = sensor.in_base_axes && !sensor.reports_reaction && sensor.bias == [0.0; 6];
     (!is_plain || sensor.tool_mass_kg > 0.0).then_some(sensor)
 }

@@ -136,7 +136,8 @@ fn accepted(
     Ok(list.to_vec())
 }
 
-/// The configuration at a cycle time, and its highest safe speed in m/s on the stiffness that it believes.
+/// The configuration at a cycle time, and its highest safe speed in m/s on the stiffness that it
+/// believes.
 ///
 /// # Errors
 /// What cannot be simulated, and that no speed is safe.

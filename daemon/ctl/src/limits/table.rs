@@ -65,7 +65,8 @@ pub(super) struct Recommended {
     pub(super) speed_m_s: f64,
     /// Highest safe speed with the model as told, m/s.
     pub(super) as_told_m_s: f64,
-    /// What comes first above it; `None` where that speed is as safe as the one with the model as told.
+    /// What comes first above it; `None` where that speed is as safe as the one with the model as
+    /// told.
     pub(super) limited_by: Option<String>,
     /// Random worlds.
     pub(super) worlds: u64,

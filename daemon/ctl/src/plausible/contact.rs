@@ -29,14 +29,16 @@ pub struct Contact {
     pub stop_reason: Option<StopReason>,
     /// Whether any verdict was infeasible.
     pub is_infeasible: bool,
+    /// Samples in which the controller counted a force above its limit.
+    pub counted: u64,
     /// Whether the tool touched, and every sample was used.
     pub is_complete: bool,
 }
 
 impl Contact {
-    /// Above the limit, and nothing said so.
+    /// Above the limit, and nothing said so: no stop, no infeasible verdict, and no sample counted.
     pub fn is_silent(&self) -> bool {
-        self.is_over && self.stop_reason.is_none() && !self.is_infeasible
+        self.is_over && self.stop_reason.is_none() && !self.is_infeasible && self.counted == 0
     }
 }
 
@@ -86,11 +88,13 @@ pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
         }
     }
     let is_complete = touched_s.is_some() && !has_fault;
-    Ok(Contact { peak_ratio: peak.ratio, is_over: peak.is_over, late_losses, stop_reason, is_infeasible, is_complete })
+    let Peak { ratio: peak_ratio, is_over } = peak;
+    let counted = run.cycle.counters().exceeded;
+    Ok(Contact { peak_ratio, is_over, late_losses, stop_reason, is_infeasible, counted, is_complete })
 }
 
-/// The peak when every joint goes outward at its speed limit from the first active sample on: what is
-/// attainable.
+/// The peak when every joint goes outward at its speed limit from the first active sample on: what
+/// is attainable.
 ///
 /// # Errors
 /// What the plant does not accept, and a configuration without limits of the joints' speeds.

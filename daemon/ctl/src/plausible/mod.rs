@@ -1,5 +1,5 @@
-//! The plausible cell: the world that a careful commissioning leaves open, drawn at random, and what
-//! a contact in it shows.
+//! The plausible cell: the world that a careful commissioning leaves open, drawn at random, and
+//! what a contact in it shows.
 
 mod contact;
 mod world;
@@ -39,8 +39,8 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// The cell of a configuration at another cycle time, with the joint position at contact (rad) and
-    /// the direction of the approach that `admittancectl limits` takes.
+    /// The cell of a configuration at another cycle time, with the joint position at contact (rad)
+    /// and the direction of the approach that `admittancectl limits` takes.
     ///
     /// # Errors
     /// What cannot be simulated, and a cell without a safe speed.
@@ -61,9 +61,9 @@ impl Cell {
         Ok(Self { config, approach: approach.clone(), highest_speed_m_s })
     }
 
-    /// The highest speed, not above the one with the model as told, at which in none of so many worlds a
-    /// force exceeds its limit or the controller stops. (Losses of contact do not count: they are no
-    /// danger, and loops of second order have them at any speed.)
+    /// The highest speed, not above the one with the model as told, at which in none of so many
+    /// worlds a force exceeds its limit or the controller stops. (Losses of contact do not count:
+    /// they are no danger, and loops of second order have them at any speed.)
     ///
     /// # Errors
     /// What controller or plant do not accept.

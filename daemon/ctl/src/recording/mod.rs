@@ -32,8 +32,8 @@ const CONFIGURATION: &str = "configuration-";
 /// Metadata: the version of [`RecordSample`](ipc_types::RecordSample).
 const RECORD_VERSION: &str = "record_version";
 /// The present one. Version 1 had no such key, and recorded only the contact point of the belief;
-/// version 2 recorded neither the tool's acceleration nor the joints' motion as the law sees it, nor
-/// the wrench without the lag of its estimate and how often that was too large.
+/// version 2 recorded neither the tool's acceleration nor the joints' motion as the law sees it,
+/// nor the wrench without the lag of its estimate and how often that was too large.
 pub(crate) const PRESENT_RECORD_VERSION: u32 = 3;
 
 /// Name of the attachment with the configuration that holds from this record on.

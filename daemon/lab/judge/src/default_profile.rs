@@ -1,8 +1,8 @@
 //! Sequences of the shape that the `default` profile gives its problems: uneven steps, the force
 //! bounded inside the first of them too, limits of joint speeds, joint positions, of the rate of
-//! the offset and of its speed into the surface, task-space weights on the velocity, an input on every admittance axis. Each is a
-//! simulated approach that meets the surface on the way, closed by the solver's own first input;
-//! from a seed, and the same for the same seed. Limits are such that
+//! the offset and of its speed into the surface, task-space weights on the velocity, an input on
+//! every admittance axis. Each is a simulated approach that meets the surface on the way, closed by
+//! the solver's own first input; from a seed, and the same for the same seed. Limits are such that
 //! every kind of row acts: they follow from what the same approach does without them.
 
 mod limits;

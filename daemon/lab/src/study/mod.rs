@@ -43,13 +43,13 @@ enum What {
         Timid: infeasible though attainable, at once or later. Withdrawn: feasible first, infeasible later. The same seed gives the same \
         answer, whatever the number of threads.")]
     Verdict(VerdictArgs),
-    /// Press in worlds that a careful commissioning leaves open: stiffness, tilt, speed loops, delays,
-    /// lags, friction, damping and noise as nobody told them.
+    /// Press in worlds that a careful commissioning leaves open: stiffness, tilt, speed loops,
+    /// delays, lags, friction, damping and noise as nobody told them.
     #[command(after_help = "Examples:\n  admittance-lab study robustness --runs 1200 --seed 1\n  \
         admittance-lab study robustness --seed 1 --index 17\n\n\
         Over limit: a true force above its limit by more than 0.5 N. Unattainable: full outward speed from the first active \
         sample on would not have kept it either. False stop: a stop although full outward speed keeps the limit. Silent: over \
-        the limit without a stop or an infeasible verdict. Losses count from 50 ms after the first touch.")]
+        the limit without a stop, an infeasible verdict or a sample counted as exceeded. Losses count from 50 ms after the first touch.")]
     Robustness(robustness::Args),
     /// Press with six and seven joints for long, in many poses: the solver answers every cycle.
     #[command(after_help = "Examples:\n  admittance-lab study contact-cycles --cycles 10000000 --seed 1\n  \

@@ -14,8 +14,8 @@ config_section! {
         stop_force_n: Option<f64>, unit "N", range 0.1..=1e5;
         /// Longest duration of a minimum-force stop; after it the arm is held, whatever the force.
         stop_timeout_s: f64 = 1.0, unit "s", range 0.01..=10.0;
-        /// A force this far above its limit stops, whatever the model says: the measured one, or the
-        /// one without the lag of contact.wrench_time_constant_s. No such guard when absent.
+        /// A force this far above its limit stops, whatever the model says: the measured one, or
+        /// the one without the lag of contact.wrench_time_constant_s. No such guard when absent.
         force_guard_n: Option<f64>, unit "N, N m", range 0.0..=1e5;
         /// A measured pressing force this far from the one that the model expects at the measured
         /// pose stops; no such guard when absent. An error of 1 mm in the contact point is 100 N at

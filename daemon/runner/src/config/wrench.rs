@@ -25,9 +25,9 @@ config_enum! {
 }
 
 config_section! {
-    /// How the state sample's wrench is given. Bias, frame, sign, and the weight and the inertia of the
-    /// tool are removed before anything else sees it; lists of six are forces x y z, then torques rx ry rz,
-    /// as the sample gives them.
+    /// How the state sample's wrench is given. Bias, frame, sign, and the weight and the inertia of
+    /// the tool are removed before anything else sees it; lists of six are forces x y z, then
+    /// torques rx ry rz, as the sample gives them.
     pub struct WrenchSection {
         /// Its axes, and the point that its torques are about.
         given_in: GivenInName = GivenInName::Base;
@@ -47,9 +47,9 @@ config_section! {
         /// Magnitude up to which a task axis counts as without force, one value per axis; at most
         /// the release threshold. Larger forces are left as they are. None when absent.
         deadband: Option<Vec<f64>>, unit "N, N m", range 0.0..=1e4, length 2..=6;
-        /// Mass of what hangs on the sensor and is not compensated by the controller. Its inertia is
-        /// removed as that of a point mass, which contact.wrench_time_constant_s delays as it does
-        /// any force; its acceleration follows from the reported joint velocities.
+        /// Mass of what hangs on the sensor and is not compensated by the controller. Its inertia
+        /// is removed as that of a point mass, which contact.wrench_time_constant_s delays as it
+        /// does any force; its acceleration follows from the reported joint velocities.
         tool_mass_kg: f64 = 0.0, unit "kg", range 0.0..=500.0;
         /// Its centre of gravity in the frame of the TCP.
         tool_center_of_gravity_m: [f64; 3] = [0.0, 0.0, 0.0], unit "m", range -2.0..=2.0;

@@ -55,7 +55,7 @@ fn it_is_the_mean_of_the_force_over_the_window_at_any_spacing() {
     let force = |time: f64| if time < 0.03 { 0.0 } else { 260.0 * ((time - 0.03) * 180.0).sin().max(0.0) };
     for (cycle, noise, window) in [(0.004, 0.0, 1), (0.004, 2.0, 2), (0.001, 0.0, 1), (0.001, 2.0, 6)] {
         let mut inverse = inverse(noise, LIMIT, cycle);
-        assert_eq!(inverse.window, [window; 2], "{cycle} s, {noise} N");
+        assert_eq!(inverse.window.map(|it| it.samples), [window; 2], "{cycle} s, {noise} N");
         let stamps = uneven(cycle, (0.1 / cycle) as usize);
         let estimates = filtered(force, &stamps);
         let (mut shown, mut checked) = (0.0_f64, 0);
@@ -109,14 +109,29 @@ fn its_noise_is_what_it_says() {
 #[test]
 fn a_window_is_no_longer_than_the_lag_and_none_is_needed_without() {
     // A limit that is hopeless with this noise.
-    assert_eq!(inverse(5.0, 10.0, 0.004).window, [5; 2]);
-    assert_eq!(inverse(5.0, 10.0, 0.000_25).window, [KEPT - 1; 2]);
+    assert_eq!(inverse(5.0, 10.0, 0.004).window.map(|it| it.samples), [5; 2]);
+    assert_eq!(inverse(5.0, 10.0, 0.000_25).window.map(|it| it.samples), [KEPT - 1; 2]);
     let mut ideal =
         LagInverse::new(Vector2::new(0.0, LAG), &Vector2::zeros(), &Vector2::repeat(LIMIT), Span::from_seconds(0.004));
     follow(&mut ideal, 1, 1_000_000_000, [0.0, 0.0]);
     let found = follow(&mut ideal, 2, 1_004_000_000, [30.0, 30.0]);
     assert_eq!((found.wrench[0], found.noise_gain[0]), (30.0, 1.0));
     assert!(found.wrench[1] > 160.0);
+}
+
+#[test]
+fn noise_that_no_window_takes_out_is_said() {
+    // e^(−0.31) = 0.73345 of f̂ is left: 5 σ √(1 + a²) / (1 − a) = 23.2625 σ, of which 5 N are
+    // allowed for.
+    let found = NoiseWindow::of(1.0, 20.0, 0.1, Span::from_seconds(0.001));
+    assert_eq!(found.samples, KEPT - 1);
+    assert!((found.noise - 23.2625).abs() < 1e-4 && (found.excess - 18.2625).abs() < 1e-4, "{found:?}");
+    for quiet in [
+        NoiseWindow::of(1.0, 200.0, 0.02, Span::from_seconds(0.001)),
+        NoiseWindow::of(9.0, 9.0, 0.0, Span::from_seconds(0.001)),
+    ] {
+        assert_eq!(quiet.excess, 0.0, "{quiet:?}");
+    }
 }
 
 #[test]

@@ -153,8 +153,8 @@ fn product<const R: usize, const C: usize>(
     sum
 }
 
-/// q, and the C numbers that joints carry beside it, at the start of a step; or the sensitivities to
-/// them on the way back.
+/// q, and the C numbers that joints carry beside it, at the start of a step; or the sensitivities
+/// to them on the way back.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Joints<const N: usize, const C: usize> {
     pub position: SimdVector<N>,

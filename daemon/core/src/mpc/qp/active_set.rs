@@ -44,8 +44,8 @@ use super::{Answer, MAX_VARIABLES, Qp, QpOutcome, QpSolver, RowState, members_of
 const FEASIBLE: f64 = 1e-10;
 /// Part of its length below which what is left of a normal may be what others leave that cancel.
 const CANCELLING: f64 = 1e-3;
-/// Part of the worst violation from which on others are added before all rows are looked at again: of
-/// force points close to one another the list would go through all, each exchanged for the next.
+/// Part of the worst violation from which on others are added before all rows are looked at again:
+/// of force points close to one another the list would go through all, each exchanged for the next.
 const CLOSE_TO_WORST: f64 = 0.3;
 /// Multiplier times length of its normal, relative to the largest, that counts as zero.
 const ZERO_MULTIPLIER: f64 = 1e-12;

@@ -24,10 +24,14 @@ fn a_force_is_beyond_its_limit_by_more_than_guard_and_noise() {
     assert_eq!(measured(-210.1 - NOISE, 0.0), Some(Cause::MeasuredForce));
     assert_eq!(measured(0.0, 110.1 + NOISE), Some(Cause::MeasuredForce));
     // The lag taken out makes seven times the noise.
-    let exceeded = |x: f64| {
-        GUARDS.exceeded(&WithoutLag { wrench: Vector2::new(x, 0.0), noise_gain: Vector2::new(7.0, 1.0) }, &limits)
-    };
+    let (noise_gain, noise_excess) = (Vector2::new(7.0, 1.0), Vector2::zeros());
+    let without_lag = |x: f64| WithoutLag { wrench: Vector2::new(x, 0.0), noise_gain, noise_excess };
+    let exceeded = |x: f64| GUARDS.exceeded(&without_lag(x), &limits);
     assert_eq!((exceeded(209.9 + 7.0 * NOISE), exceeded(210.1 + 7.0 * NOISE)), (None, Some(Cause::ForceExceeded)));
+    // More than told is what the window could not help.
+    let loud = |x: f64| WithoutLag { noise_excess: Vector2::repeat(80.0), ..without_lag(x) };
+    assert_eq!(GUARDS.exceeded(&loud(289.9), &limits), None);
+    assert_eq!(GUARDS.exceeded(&loud(290.1), &limits), Some(Cause::ForceExceeded));
     let blind = Guards { force: None, ..GUARDS };
     assert_eq!(blind.measured(&Vector2::repeat(1e4), &limits), None);
     let limits = Limits { admittance: &[false, true], ..limits };

@@ -9,10 +9,11 @@ use crate::sequence::{Problem, Sequence};
 const JOINT_ROOM: f64 = 0.2;
 /// Limit of joint speeds, rad/s, that no approach meets.
 const JOINT_SPEED: f64 = 10.0;
-/// Least limit of a joint's speed, relative to the fastest commanded one: the approach itself is never
-/// in its way.
+/// Least limit of a joint's speed, relative to the fastest commanded one: the approach itself is
+/// never in its way.
 const LEAST_SPEED: f64 = 1.02;
-/// Limit of the speed into the surface, relative to the fastest one that is planned without a limit.
+/// Limit of the speed into the surface, relative to the fastest one that is planned without a
+/// limit.
 const MOST_INWARD: f64 = 0.4;
 /// Largest limit of joint speeds, relative to the fastest one that is planned without a limit.
 const MOST_SPEED: f64 = 0.85;
@@ -25,7 +26,8 @@ const INWARD_SPEED: f64 = 10.0;
 /// Largest limit of the offset's rate: m/s² and rad/s².
 const RATE: f64 = 60.0;
 
-/// The value that `beyond` of the values exceed (there is one per problem), and the largest of them.
+/// The value that `beyond` of the values exceed (there is one per problem), and the largest of
+/// them.
 fn reached(mut values: Vec<f64>, beyond: usize) -> (f64, f64) {
     values.sort_by(|a, b| b.total_cmp(a));
     (values[beyond], values[0])

@@ -19,7 +19,8 @@ const PROBLEMS_WITH: usize = 32;
 /// Active rows of the normal speed, at the least.
 const SLOWED: usize = 5;
 
-/// Solves the sequences of a shape. The number of active rows that bound the speed into the surface.
+/// Solves the sequences of a shape. The number of active rows that bound the speed into the
+/// surface.
 fn check<const N: usize, const M: usize>(shape: &str, sequence: impl Fn(u64) -> Sequence<N, M>) -> usize {
     let (mut slowed, mut problems_with) = (0, [0; KINDS.len()]);
     for seed in 0..SEEDS {
@@ -33,8 +34,8 @@ fn check<const N: usize, const M: usize>(shape: &str, sequence: impl Fn(u64) -> 
     slowed
 }
 
-/// Solves a sequence warm. The problems with active rows of each of [`KINDS`], and the active rows of
-/// the normal speed.
+/// Solves a sequence warm. The problems with active rows of each of [`KINDS`], and the active rows
+/// of the normal speed.
 fn check_one<const N: usize, const M: usize>(name: &str, sequence: &Sequence<N, M>) -> ([usize; KINDS.len()], usize) {
     assert_eq!(sequence.problems.len(), PROBLEMS);
     let mut runner = Runner::new(sequence);

@@ -1,5 +1,5 @@
-//! Random long contacts: arm, pose, surface, motion, and what nobody told. A contact's numbers depend
-//! on the seed and its index alone.
+//! Random long contacts: arm, pose, surface, motion, and what nobody told. A contact's numbers
+//! depend on the seed and its index alone.
 
 use std::f64::consts::{PI, TAU};
 
@@ -74,7 +74,8 @@ impl Draw {
         numbers.0.set_stream(index);
         for _ in 0..MOST_TRIES {
             let candidate = candidate(&mut numbers, &config, &scenario, SAMPLING_TIMES_S[cell / 2], (seed, index))?;
-            // The plant looks for the start from which the lagging arm touches, not always with success.
+            // The plant looks for the start from which the lagging arm touches, not always with
+            // success.
             if let Some((config, scenario, untold)) = candidate.filter(|(_, plant, _)| VirtualRun::new(plant).is_ok()) {
                 return Ok(Self { cell: CELLS[cell], config, scenario, untold });
             }

@@ -1,5 +1,5 @@
-//! `admittance-lab study contact-cycles`: whether the solver answers every cycle of long contacts of
-//! six and seven joints, in many poses and on many surfaces.
+//! `admittance-lab study contact-cycles`: whether the solver answers every cycle of long contacts
+//! of six and seven joints, in many poses and on many surfaces.
 
 mod draw;
 mod figures;
@@ -79,7 +79,8 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     Ok(if figures.found.is_empty() { Exit::Ok } else { Exit::ClaimNotMet })
 }
 
-/// Contacts 0, 1, … until so many contact cycles are seen: the same ones whatever the number of threads.
+/// Contacts 0, 1, … until so many contact cycles are seen: the same ones whatever the number of
+/// threads.
 fn contacts(seed: u64, cycles: u64, threads: usize) -> Result<Vec<Seen>, String> {
     let (mut all, mut left, mut first): (Vec<Seen>, _, _) = (Vec::new(), cycles, 0);
     while left > 0 {
@@ -150,6 +151,16 @@ mod tests {
         let one = text(1);
         assert_eq!(one, text(3));
         assert!(one.contains("\"found\":[]"), "{one}");
+    }
+
+    /// ṗ0 turns the tool faster than the joints may turn, and what the offset could do about it
+    /// presses.
+    #[test]
+    fn contacts_that_were_found_have_an_answer_in_every_cycle() {
+        for index in [960, 1870, 1956] {
+            let seen = press(20_261_122, index).unwrap();
+            assert!(!seen.is_finding() && seen.contact_cycles > 100, "{seen:?}");
+        }
     }
 
     #[test]

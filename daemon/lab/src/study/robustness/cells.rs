@@ -38,8 +38,8 @@ fn files(index: usize) -> (&'static str, &'static str, f64) {
     (config, scenario, [0.004, 0.001][index % 2])
 }
 
-/// A tool of 2 kg, as long as a hand, on a sensor at the flange, told as it is. A planar arm stands, so
-/// that weight acts in its plane as well.
+/// A tool of 2 kg, as long as a hand, on a sensor at the flange, told as it is. A planar arm
+/// stands, so that weight acts in its plane as well.
 fn with_a_tool(wrench: &WrenchSection, planar: bool) -> WrenchSection {
     let along = if planar { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
     WrenchSection {
@@ -52,7 +52,8 @@ fn with_a_tool(wrench: &WrenchSection, planar: bool) -> WrenchSection {
     }
 }
 
-/// The cells, or the one with a name, each with the highest speed that is safe with the model as told.
+/// The cells, or the one with a name, each with the highest speed that is safe with the model as
+/// told.
 ///
 /// # Errors
 /// A shipped file that cannot be simulated.

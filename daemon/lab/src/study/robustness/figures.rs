@@ -26,7 +26,7 @@ pub(super) struct Counts {
     with_losses: usize,
     /// Stopped although full outward speed keeps the limit.
     false_stops: usize,
-    /// Above the limit without a stop or an infeasible verdict.
+    /// Above the limit without a stop, an infeasible verdict, or a sample that was counted.
     silent: usize,
 }
 
@@ -82,16 +82,22 @@ pub(super) struct Figures {
     seed: u64,
     #[serde(flatten)]
     all: Counts,
-    /// Of the runs above the limit: the peak over that of full outward speed, or over the limit where
-    /// that one keeps it.
+    /// Of the runs above the limit: the peak over that of full outward speed, or over the limit
+    /// where that one keeps it.
     excess_over_attainable: Option<Excess>,
     by_speed: Vec<Speed>,
     by_cell: Vec<OfCell>,
     /// Runs that are over the limit though attainable, lose contact late, or stop falsely.
     bad: usize,
     by_cause: BTreeMap<Cause, OfCause>,
-    /// Bad runs to look at.
-    examples: Vec<u64>,
+    /// Bad runs to look at: the commands that show them.
+    pub(super) examples: Vec<String>,
+}
+
+/// What shows a run again.
+fn command(seed: u64, cell: Option<&str>, index: u64) -> String {
+    let cell = cell.map(|cell| format!(" --cell \"{cell}\"")).unwrap_or_default();
+    format!("admittance-lab study robustness --seed {seed}{cell} --index {index}")
 }
 
 fn by_speed<'a>(runs: impl Iterator<Item = &'a Run> + Clone) -> Vec<Speed> {
@@ -100,7 +106,8 @@ fn by_speed<'a>(runs: impl Iterator<Item = &'a Run> + Clone) -> Vec<Speed> {
 }
 
 impl Figures {
-    pub(super) fn of(seed: u64, cells: &[(&'static str, Cell)], runs: &[Run]) -> Self {
+    /// `cell`: the only one that was asked for, on which the numbers of the runs depend.
+    pub(super) fn of(seed: u64, cell: Option<&str>, cells: &[(&'static str, Cell)], runs: &[Run]) -> Self {
         let over = runs.iter().filter(|run| run.contact.is_over);
         let excess = over.map(|run| run.contact.peak_ratio / run.outward.ratio.max(1.0)).collect();
         let mut by_cause: BTreeMap<Cause, OfCause> = Cause::ALL.map(|cause| (cause, OfCause::default())).into();
@@ -125,7 +132,7 @@ impl Figures {
                 .collect(),
             bad: bad().count(),
             by_cause,
-            examples: bad().map(|run| run.index).take(MOST_EXAMPLES).collect(),
+            examples: bad().take(MOST_EXAMPLES).map(|run| command(seed, cell, run.index)).collect(),
         }
     }
 
@@ -159,9 +166,13 @@ impl Figures {
         }
         let causes = self.by_cause.iter().map(|(cause, of)| format!("\n  {cause:?}: {}, {}", of.alone, of.cured));
         let causes: String = causes.collect();
+        let examples: String = self.examples.iter().map(|command| format!("\n  {command}")).collect();
         format!(
-            "{table}\n{} of {} runs are bad (seed {}), for example {:?} (with --index, and --cell as here); bad with one cause alone, good without it:{causes}",
-            self.bad, self.all.runs, self.seed, self.examples
+            "{table}\n{} of {} runs are bad (seed {}){}{examples}\nBad with one cause alone, good without it:{causes}",
+            self.bad,
+            self.all.runs,
+            self.seed,
+            if examples.is_empty() { "" } else { ", for example" }
         )
     }
 }

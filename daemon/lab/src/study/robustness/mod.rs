@@ -1,5 +1,5 @@
-//! `admittance-lab study robustness`: what remains of the law's promises in the worlds that a careful
-//! commissioning leaves open.
+//! `admittance-lab study robustness`: what remains of the law's promises in the worlds that a
+//! careful commissioning leaves open.
 
 mod cells;
 mod figures;
@@ -44,8 +44,8 @@ pub(crate) struct Run {
     contact: Contact,
     /// What full outward speed attains in it.
     outward: Peak,
-    /// Of a bad contact, for each cause: whether it is bad with that cause alone, and whether it is good
-    /// without it.
+    /// Of a bad contact, for each cause: whether it is bad with that cause alone, and whether it is
+    /// good without it.
     causes: Vec<(Cause, bool, bool)>,
 }
 
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     }
     let runs =
         parallel::map(args.runs, threads, "contacts", |index| one(&cells, args.seed, index)).map_err(internal)?;
-    let figures = Figures::of(args.seed, &cells, &runs);
+    let figures = Figures::of(args.seed, args.cell.as_deref(), &cells, &runs);
     options.print(&figures, || figures.table())?;
     Ok(Exit::Ok)
 }
@@ -118,4 +118,36 @@ fn describe(cells: &[(&'static str, Cell)], seed: u64, index: u64) -> Result<Str
         let _ = writeln!(text, "{cause:?}: bad with it alone: {alone}, good without it: {cured}");
     }
     Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(clap::Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn an_example_is_the_command_that_shows_the_run_again() {
+        const SEED: u64 = 3;
+        for name in [None, Some("planar, 4 ms")] {
+            let cells = cells::all(Some("planar, 4 ms"), 1).unwrap();
+            let mut run = one(&cells, SEED, 5).unwrap();
+            run.contact.late_losses += 1;
+            let examples = Figures::of(SEED, name, &cells, &[run]).examples;
+            let words = examples[0].split('"').enumerate().flat_map(|(part, text)| {
+                let quoted = part % 2 == 1;
+                if quoted { vec![text] } else { text.split_whitespace().collect() }
+            });
+            let words: Vec<&str> = words.collect();
+            assert_eq!(words[..3], ["admittance-lab", "study", "robustness"]);
+            let Command { args } = Command::parse_from(&words[2..]);
+            assert_eq!((args.seed, args.cell.as_deref(), args.index), (SEED, name, Some(5)));
+        }
+    }
 }
