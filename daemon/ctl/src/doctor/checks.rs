@@ -21,6 +21,8 @@ pub(crate) fn all(machine: &Machine, asked: &Asked) -> Vec<Check> {
         priority(machine, asked),
         wake_up_latency(machine, asked),
         shared_memory(machine),
+        root_path(machine),
+        shared_files(machine),
         clock_source(machine),
     ]
 }
@@ -190,6 +192,23 @@ fn shared_memory(machine: &Machine) -> Check {
     }
 }
 
+fn root_path(machine: &Machine) -> Check {
+    let name = "root path";
+    match &machine.root_path {
+        Ok(found) => ok(name, found.clone()),
+        // The daemon does not start then.
+        Err(why) => check(name, Status::Refused, why.clone(), "ipc.root_path: a directory of the daemon's user alone"),
+    }
+}
+
+fn shared_files(machine: &Machine) -> Check {
+    let name = "owner of shared memory";
+    match &machine.shared_files {
+        Ok(()) => ok(name, "nobody else has files of this prefix"),
+        Err(why) => check(name, Status::Refused, why.clone(), "rm the file as root, and find out who made it"),
+    }
+}
+
 fn mebibytes(bytes: u64) -> String {
     format!("{} MiB free in /dev/shm", bytes >> 20)
 }
@@ -251,6 +270,8 @@ mod tests {
             clock_source: Some("hpet".to_owned()),
             shared_memory: Some(1 << 30),
             cpu_dma_latency: Err("Permission denied (os error 13)".to_owned()),
+            root_path: Ok("/run/admittanced, of admittanced alone".to_owned()),
+            shared_files: Ok(()),
         }
     }
 
@@ -332,6 +353,15 @@ mod tests {
             let checks = all(&Machine { shared_memory, ..tuned() }, &Asked::default());
             assert_eq!(with(&checks, Status::Refused), ["shared memory"]);
         }
+    }
+
+    #[test]
+    fn a_place_that_is_not_the_user_s_alone_is_refused() {
+        let why = || Err("/run/admittanced belongs to nobody".to_owned());
+        let checks = all(&Machine { root_path: why(), ..tuned() }, &Asked::default());
+        assert_eq!(with(&checks, Status::Refused), ["root path"]);
+        let checks = all(&Machine { shared_files: why().map(|_: String| ()), ..tuned() }, &Asked::default());
+        assert_eq!(with(&checks, Status::Refused), ["owner of shared memory"]);
     }
 
     #[test]
