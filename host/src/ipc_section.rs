@@ -31,7 +31,10 @@ fn usable_names(ipc: &IpcSection, path: &str, errors: &mut Vec<ConfigError>) {
         Ok(instance) => instance,
         Err(error) => return wants("instance", &ipc.instance, error.accepted()),
     };
-    let settings = IpcSettings { root_path: ipc.resolved_root_path(), prefix: ipc.prefix.clone(), instance };
+    // Where "user" is depends on who runs the program: looked at when it is used.
+    let is_users = ipc.root_path.as_os_str() == USERS_ROOT_PATH;
+    let root_path = if is_users { PathBuf::from("/run/admittanced") } else { ipc.root_path.clone() };
+    let settings = IpcSettings { root_path, prefix: ipc.prefix.clone(), instance };
     if let Err(error) = settings.validate() {
         wants(error.key, &error.value, error.accepted);
     }
