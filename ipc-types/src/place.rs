@@ -230,9 +230,7 @@ fn check_components(root_path: &Path) -> Result<(), PlaceError> {
         }
     }
     match open_to_all {
-        Some(directory) => {
-            Err(PlaceError::Public { path: root_path.to_owned(), directory: directory.to_owned() })
-        }
+        Some(directory) => Err(PlaceError::Public { path: root_path.to_owned(), directory: directory.to_owned() }),
         None => Ok(()),
     }
 }

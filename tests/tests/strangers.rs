@@ -155,7 +155,8 @@ fn what_the_own_user_has_cut_off_is_given_up_in_time() {
     let config = write(&ipc, "daemon.toml", MPC_PAPER);
     let _daemon = start_daemon(&ipc, &config);
     // What a program leaves that is killed between making and sizing a file.
-    let services = ipc.shared_memory_files().into_iter().filter(|file| file.extension().is_some_and(|e| e == "dynamic"));
+    let services =
+        ipc.shared_memory_files().into_iter().filter(|file| file.extension().is_some_and(|e| e == "dynamic"));
     for file in services {
         let empty = file.with_extension("empty");
         std::fs::write(&empty, "").expect("written");

@@ -46,7 +46,7 @@ config_section! {
         saturation: Option<[f64; 6]>, unit "N, N m", range 0.001..=1e6;
         /// Magnitude up to which a task axis counts as without force, one value per axis; at most
         /// the release threshold. Larger forces are left as they are. None when absent.
-        deadband: Option<Vec<f64>>, unit "N, N m", range 0.0..=1e4, length 2..=6;
+        deadband: Option<Vec<f64>>, unit "N, N m", range 0.0..=1e4, length 2..=6, each "axis";
         /// Mass of what hangs on the sensor and is not compensated by the controller. Its inertia is
         /// removed as that of a point mass, which contact.wrench_time_constant_s delays as it does
         /// any force; its acceleration follows from the reported joint velocities.
