@@ -137,7 +137,7 @@ fn a_running_daemon_s_counter_cannot_be_cut_off_whoever_came_first_and_goes_in_t
     assert!(!stranger("truncate -s 0 \"$1\"", &counter(&ipc)), "it can be written by anyone");
     assert!(!stranger("rm -f \"$1\"", &counter(&ipc)) && counter(&ipc).exists());
     // One that was open to all for a moment, as plain iceoryx2 makes it, is exchanged.
-    std::fs::set_permissions(&counter(&ipc), std::fs::Permissions::from_mode(0o666)).expect("changed");
+    std::fs::set_permissions(counter(&ipc), std::fs::Permissions::from_mode(0o666)).expect("changed");
     assert!(stranger("truncate -s 0 \"$1\"", &counter(&ipc)));
     let (code, text) = ended(&mut ctl_command(&ipc, "status", &config));
     assert_eq!(code, Some(0), "{text}");
