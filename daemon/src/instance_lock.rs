@@ -1,10 +1,10 @@
 //! One daemon per instance: an flock on ROOT/INSTANCE.lock, which holds the owner's process id.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, Write};
 
 use admittance_host::exit::ExitCode;
-use ipc_types::IpcSettings;
+use ipc_types::{IpcSettings, PlaceError};
 
 /// Holds the lock until dropped; the file stays, since removing a locked file would let two daemons
 /// in.
@@ -13,19 +13,17 @@ pub(crate) struct InstanceLock {
     _file: File,
 }
 
+fn place_refused(error: &PlaceError) -> (ExitCode, String) {
+    let code = if error.is_permission() { ExitCode::NoPermission } else { ExitCode::Unavailable };
+    (code, format!("the lock of the instance cannot be taken: {error}"))
+}
+
 /// Takes the lock.
 pub(crate) fn take(settings: &IpcSettings) -> Result<InstanceLock, (ExitCode, String)> {
-    let path = settings.root_path.join(format!("{}.lock", settings.instance));
-    let refused = |error: std::io::Error| {
-        let code = match error.kind() {
-            std::io::ErrorKind::PermissionDenied => ExitCode::NoPermission,
-            _ => ExitCode::Unavailable,
-        };
-        (code, format!("the lock {} cannot be taken: {error}; is ipc.root_path writable?", path.display()))
-    };
-    std::fs::create_dir_all(&settings.root_path).map_err(refused)?;
-    let mut file =
-        OpenOptions::new().create(true).truncate(false).read(true).write(true).open(&path).map_err(refused)?;
+    let name = format!("{}.lock", settings.instance);
+    let path = settings.root_path.join(&name);
+    let refused = |source: std::io::Error| place_refused(&PlaceError::Io { path: path.clone(), source });
+    let mut file = ipc_types::open_file(&settings.root_path, &name).map_err(|error| place_refused(&error))?;
     match file.try_lock() {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {

@@ -7,6 +7,7 @@ use admittance_host::clock::monotonic_ns;
 use admittance_host::config::LoadError;
 use admittance_host::exit::ExitCode;
 use admittance_host::realtime::{StepOutcome, StepReport};
+use admittance_host::time_limit::TimeLimit;
 use admittance_host::{config, cpu, logging, shared_memory};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -82,6 +83,7 @@ fn run(args: Args) -> Result<ExitCode, (ExitCode, String)> {
     );
     config.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
 
+    let opening = TimeLimit::of_opening("admittanced", &settings.prefix);
     let (realtime_end, service_end) = channel();
     let thread = RealtimeThread {
         settings: settings.clone(),
@@ -109,6 +111,7 @@ fn run(args: Args) -> Result<ExitCode, (ExitCode, String)> {
     let node = settings.node("admittanced service").map_err(|error| (ExitCode::Unavailable, error.to_string()))?;
     let mut service = ServiceThread::open(node, &settings.instance, service_end, args.config, config, signals)
         .map_err(|why| (ExitCode::Unavailable, why))?;
+    drop(opening);
     service.run(|| handle.is_finished());
     let code = handle.join().unwrap_or(ExitCode::Internal);
     if code == ExitCode::Internal {

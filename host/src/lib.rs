@@ -10,3 +10,4 @@ pub mod logging;
 pub mod realtime;
 pub mod robot_description;
 pub mod shared_memory;
+pub mod time_limit;

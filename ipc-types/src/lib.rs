@@ -19,6 +19,8 @@ mod macros;
 mod enums;
 mod errors;
 mod instance;
+mod node_counter;
+mod place;
 mod ports;
 mod removal;
 mod samples;
@@ -37,6 +39,7 @@ pub use enums::{
 };
 pub use errors::{PortError, ServiceError};
 pub use instance::{Instance, InstanceError, MAX_INSTANCE_LENGTH};
+pub use place::{PlaceError, USERS_ROOT_PATH, effective_user, open_file, open_root, user_name, users_root_path};
 pub use ports::{
     Client, Event, Listener, Notifier, PublishSubscribe, Publisher, RequestResponse, Server, Slot, Subscriber,
 };

@@ -9,7 +9,7 @@ use crate::settings::{DEFAULT_PREFIX, DEFAULT_ROOT_PATH};
 use crate::{IpcSettings, SettingsError};
 
 /// Where iceoryx2 keeps shared memory on Linux.
-const SHARED_MEMORY: &str = "/dev/shm";
+pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 /// What iceoryx2 makes in its root path beside files that carry the prefix.
 const ROOT_ENTRIES: [&str; 2] = ["nodes", "services"];
 
@@ -68,8 +68,8 @@ pub fn remove_all(settings: &IpcSettings) -> Result<(), RemoveError> {
     }
     settings.validate()?;
     let root_path = settings.root_path.as_path();
-    // Component-wise, so that "/tmp/iceoryx2/" and "/tmp/" are found as well.
-    if root_path == Path::new(DEFAULT_ROOT_PATH) || root_path.components().count() < 3 {
+    // Component-wise, so that "/tmp/iceoryx2/" is found as well.
+    if root_path == Path::new(DEFAULT_ROOT_PATH) {
         return Err(RemoveError::SharedRootPath { root_path: root_path.to_path_buf() });
     }
     let entries = root_entries(root_path)?;

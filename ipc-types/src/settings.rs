@@ -1,19 +1,41 @@
 //! Where a daemon and its peers meet: root path, prefix and instance; and the iceoryx2 node made
 //! from them.
 
-use std::io;
+use std::mem::ManuallyDrop;
+use std::ops::Deref;
 use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::DirBuilderExt;
 use std::path::PathBuf;
 
 use iceoryx2::config::Config;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::{FileName, LogLevel, NodeBuilder, NodeName, SemanticString, SignalHandlingMode, ipc};
 
-use crate::Instance;
+use crate::place::{PlaceError, open_root};
+use crate::{Instance, node_counter};
 
-/// A node on shared memory. Neither it nor its ports can be sent to another thread.
-pub type Node = iceoryx2::node::Node<ipc::Service>;
+/// A node on shared memory. Neither it nor its ports can be sent to another thread. Drop it after
+/// its ports: the last node of a place takes iceoryx2's counter of nodes with it.
+#[derive(Debug)]
+pub struct Node {
+    node: ManuallyDrop<iceoryx2::node::Node<ipc::Service>>,
+    settings: IpcSettings,
+}
+
+impl Deref for Node {
+    type Target = iceoryx2::node::Node<ipc::Service>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.node
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        // SAFETY: it is dropped here only, and not used again.
+        unsafe { ManuallyDrop::drop(&mut self.node) };
+        node_counter::remove_if_last(&self.settings);
+    }
+}
 
 /// iceoryx2's own root path on Linux: shared with every other program that configures nothing.
 pub const DEFAULT_ROOT_PATH: &str = "/tmp/iceoryx2";
@@ -41,47 +63,16 @@ pub struct IpcSettings {
     pub instance: Instance,
 }
 
-/// Why settings are refused.
+/// A setting that is refused: `key = "value": accepted: …`. Control characters are escaped.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum SettingsError {
-    /// A relative root path would depend on each program's working directory.
-    #[error("ipc.root_path = \"{}\": accepted is an absolute path, such as /run/admittanced", root_path.display())]
-    RelativeRootPath {
-        /// The path.
-        root_path: PathBuf,
-    },
-    /// iceoryx2 takes printable ASCII without `..` only.
-    #[error(
-        "ipc.root_path = \"{}\": accepted are letters, digits and the characters / _ - . in it, no component \"..\"",
-        root_path.display()
-    )]
-    RootPathCharacters {
-        /// The path.
-        root_path: PathBuf,
-    },
-    /// A socket below the root path would pass the limit of Unix sockets.
-    #[error(
-        "ipc.root_path = \"{}\" is {length} bytes long: with the prefix \"{prefix}\" at most {accepted} are \
-         accepted, because \
-         iceoryx2 makes sockets in it and a socket's path is limited to {MAX_SOCKET_PATH} bytes",
-        root_path.display()
-    )]
-    RootPathTooLong {
-        /// The path.
-        root_path: PathBuf,
-        /// Its bytes.
-        length: usize,
-        /// Most bytes that are accepted.
-        accepted: usize,
-        /// The prefix.
-        prefix: String,
-    },
-    /// The prefix is empty, too long, or has a character that is not accepted.
-    #[error("ipc.prefix = \"{prefix}\": accepted are 1 to {MAX_PREFIX_LENGTH} characters of A-Z, a-z, 0-9, _ and -")]
-    Prefix {
-        /// The prefix.
-        prefix: String,
-    },
+#[error("ipc.{key} = {value:?}: accepted: {accepted}")]
+pub struct SettingsError {
+    /// Its key in `[ipc]`.
+    pub key: &'static str,
+    /// Its value.
+    pub value: String,
+    /// What is accepted instead.
+    pub accepted: String,
 }
 
 /// Why a node could not be made.
@@ -90,14 +81,9 @@ pub enum NodeError {
     /// The settings themselves are not accepted.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// The root directory is not there and could not be made.
-    #[error("the root directory {} (ipc.root_path) cannot be made: {source}", root_path.display())]
-    RootDirectory {
-        /// The directory.
-        root_path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
+    /// The root directory, or a file in shared memory, is not this user's alone.
+    #[error(transparent)]
+    Place(#[from] PlaceError),
     /// iceoryx2 may not write below the root path or in `/dev/shm`.
     #[error(
         "no permission to make an iceoryx2 node in {} (ipc.root_path) or /dev/shm: run all programs of an instance \
@@ -130,24 +116,41 @@ impl IpcSettings {
     /// [`SettingsError`] names the setting, its value and what is accepted.
     pub fn validate(&self) -> Result<(), SettingsError> {
         let accepted = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-        let prefix = self.prefix.clone();
+        let prefix = &self.prefix;
         if prefix.is_empty() || prefix.len() > MAX_PREFIX_LENGTH || !prefix.chars().all(accepted) {
-            return Err(SettingsError::Prefix { prefix });
+            return Err(self.prefix_error());
         }
-        let root_path = self.root_path.clone();
-        if !root_path.is_absolute() {
-            return Err(SettingsError::RelativeRootPath { root_path });
+        // A relative one would depend on each program's working directory.
+        if !self.root_path.is_absolute() {
+            return Err(self.root_path_error("an absolute path, such as /run/admittanced"));
         }
-        let text = root_path.to_str().unwrap_or("\0");
+        // iceoryx2 takes printable ASCII without ".." only.
+        let text = self.root_path.to_str().unwrap_or("\0");
         if !text.chars().all(|c| accepted(c) || c == '/' || c == '.') || text.split('/').any(|part| part == "..") {
-            return Err(SettingsError::RootPathCharacters { root_path });
+            return Err(self.root_path_error("letters, digits and the characters / _ - . in it, no component \"..\""));
         }
-        let length = root_path.as_os_str().as_bytes().len();
-        let accepted = MAX_SOCKET_PATH - 1 - prefix.len() - LISTENER_NAME_LENGTH;
-        if length > accepted {
-            return Err(SettingsError::RootPathTooLong { root_path, length, accepted, prefix });
+        // What is directly below the root of the file system is the system's.
+        if self.root_path.components().count() < 3 {
+            return Err(self.root_path_error("a directory of its own below another one, such as /run/admittanced"));
+        }
+        let most = MAX_SOCKET_PATH - 1 - prefix.len() - LISTENER_NAME_LENGTH;
+        if self.root_path.as_os_str().len() > most {
+            return Err(self.root_path_error(format!(
+                "at most {most} bytes with the prefix {prefix:?}: iceoryx2 makes sockets in it, and a socket's path is \
+                 limited to {MAX_SOCKET_PATH} bytes"
+            )));
         }
         Ok(())
+    }
+
+    fn root_path_error(&self, accepted: impl Into<String>) -> SettingsError {
+        let value = self.root_path.to_string_lossy().into_owned();
+        SettingsError { key: "root_path", value, accepted: accepted.into() }
+    }
+
+    fn prefix_error(&self) -> SettingsError {
+        let accepted = format!("1 to {MAX_PREFIX_LENGTH} characters of A-Z, a-z, 0-9, _ and -");
+        SettingsError { key: "prefix", value: self.prefix.clone(), accepted }
     }
 
     /// The iceoryx2 configuration: its compiled-in values with these settings. No file is looked
@@ -158,13 +161,20 @@ impl IpcSettings {
     pub fn config(&self) -> Result<Config, SettingsError> {
         self.validate()?;
         let root_path = iceoryx2::prelude::Path::new(self.root_path.as_os_str().as_bytes())
-            .map_err(|_| SettingsError::RootPathCharacters { root_path: self.root_path.clone() })?;
-        let prefix =
-            FileName::new(self.prefix.as_bytes()).map_err(|_| SettingsError::Prefix { prefix: self.prefix.clone() })?;
+            .map_err(|_| self.root_path_error("a path that iceoryx2 takes"))?;
+        let prefix = FileName::new(self.prefix.as_bytes()).map_err(|_| self.prefix_error())?;
         let mut config = Config::default();
         config.global.set_root_path(&root_path);
         config.global.prefix = prefix;
         Ok(config)
+    }
+
+    /// Whether everything in shared memory with this prefix is this user's.
+    ///
+    /// # Errors
+    /// [`PlaceError`] names the first file that is not.
+    pub fn check_shared_memory(&self) -> Result<(), PlaceError> {
+        node_counter::foreign_files(&self.prefix)
     }
 
     /// Makes a node for this thread; `program` is what tools such as `iox2 node list` show. The
@@ -175,22 +185,33 @@ impl IpcSettings {
     /// # Errors
     /// [`NodeError`].
     pub fn node(&self, program: &str) -> Result<Node, NodeError> {
+        self.node_in(program, true)
+    }
+
+    /// The same where a daemon has been: for tools, whose user must not become the owner of
+    /// anything.
+    ///
+    /// # Errors
+    /// [`NodeError`].
+    pub fn visiting_node(&self, program: &str) -> Result<Node, NodeError> {
+        self.node_in(program, false)
+    }
+
+    fn node_in(&self, program: &str, make_root: bool) -> Result<Node, NodeError> {
         let config = self.config()?;
         let root_path = || self.root_path.clone();
-        std::fs::DirBuilder::new()
-            .recursive(true)
-            .mode(0o750)
-            .create(&self.root_path)
-            .map_err(|source| NodeError::RootDirectory { root_path: root_path(), source })?;
+        let _kept = node_counter::keep(open_root(&self.root_path, make_root)?);
+        node_counter::secure(&self.prefix)?;
         let mut builder = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
         // The name only labels the node: one that iceoryx2 does not accept is left out.
         if let Ok(name) = NodeName::new(program) {
             builder = builder.name(&name);
         }
-        builder.create::<ipc::Service>().map_err(|cause| match cause {
+        let node = builder.create::<ipc::Service>().map_err(|cause| match cause {
             NodeCreationFailure::InsufficientPermissions => NodeError::Permission { root_path: root_path() },
             cause => NodeError::Iceoryx2 { root_path: root_path(), cause },
-        })
+        })?;
+        Ok(Node { node: ManuallyDrop::new(node), settings: self.clone() })
     }
 }
 
@@ -213,25 +234,26 @@ mod tests {
     fn a_path_that_is_too_long_names_the_limit() {
         // 107 bytes of socket path, less "/", the prefix, 39 digits and ".event".
         let accepted = 107 - 1 - "ab_".len() - 45;
-        let fits = format!("/{}", "r".repeat(accepted - 1));
+        let fits = format!("/r/{}", "r".repeat(accepted - 3));
         assert_eq!(settings(&fits, "ab_").validate(), Ok(()));
-        let error = settings(&format!("{fits}r"), "ab_").validate().unwrap_err();
-        assert!(
-            error.to_string().contains("is 59 bytes long: with the prefix \"ab_\" at most 58 are accepted"),
-            "{error}"
-        );
+        let error = settings(&format!("{fits}r"), "ab_").validate().unwrap_err().to_string();
+        assert!(error.contains("at most 58 bytes with the prefix \"ab_\""), "{error}");
     }
 
     #[test]
     fn each_rule_has_its_error() {
+        let refused = |root_path: &str, prefix: &str| settings(root_path, prefix).validate().unwrap_err().to_string();
         for prefix in ["", "a/b", "a b", "12345678901234567"] {
-            assert_eq!(settings("/r", prefix).validate(), Err(SettingsError::Prefix { prefix: prefix.into() }));
+            assert!(refused("/r/a", prefix).starts_with(&format!("ipc.prefix = \"{prefix}\": accepted: 1 to 16 ")));
         }
-        let relative = settings("run/admittanced", "ab_");
-        assert_eq!(relative.validate(), Err(SettingsError::RelativeRootPath { root_path: relative.root_path.clone() }));
-        for root in ["/a b", "/a/../b", "/\u{e9}"] {
-            let bad = settings(root, "ab_");
-            assert_eq!(bad.validate(), Err(SettingsError::RootPathCharacters { root_path: root.into() }));
+        let error = refused("run/admittanced", "ab_");
+        assert!(error.starts_with("ipc.root_path = \"run/admittanced\": accepted: an absolute path"), "{error}");
+        for root in ["/", "//", "/run", "/tmp/"] {
+            assert!(refused(root, "ab_").contains("below another one"), "{root}");
+        }
+        for root in ["/a b/c", "/a/../b", "/a/\u{e9}", "/a/\u{1b}[2J"] {
+            let error = refused(root, "ab_");
+            assert!(error.contains("no component") && !error.contains('\u{1b}'), "{error}");
         }
     }
 
@@ -245,6 +267,6 @@ mod tests {
     #[test]
     fn a_root_that_cannot_be_made_is_named() {
         let error = settings("/dev/null/x", "ab_").node("test").unwrap_err().to_string();
-        assert!(error.starts_with("the root directory /dev/null/x (ipc.root_path) cannot be made: "), "{error}");
+        assert!(error.starts_with("/dev/null is not a directory"), "{error}");
     }
 }

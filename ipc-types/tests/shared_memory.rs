@@ -1,45 +1,16 @@
 //! The services over real shared memory, each test in its own private root path and prefix.
 
-use std::ops::Deref;
-use std::sync::atomic::{AtomicU32, Ordering};
+mod common;
 
+use std::path::PathBuf;
+
+use common::Private;
 use iceoryx2::prelude::ZeroCopySend;
 use ipc_types::services::{command, command_arrival, request, state, state_arrival, truth};
 use ipc_types::{
     Access, CommandSample, Instance, IpcSettings, MAX_PLAN, PortError, RemoveError, RequestSample, ResponseSample,
     ServiceError, StateSample, TruthSample, quiet_iceoryx2, remove_all, shared_memory_files,
 };
-
-/// Settings that nobody else uses; everything is removed in the end.
-struct Private(IpcSettings);
-
-impl Private {
-    fn new() -> Self {
-        static NUMBER: AtomicU32 = AtomicU32::new(0);
-        quiet_iceoryx2();
-        let prefix = format!("t{}_{}_", std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed));
-        // Not the temporary directory of the environment, which may be too deep for sockets.
-        let root_path = std::path::PathBuf::from(format!("/tmp/{prefix}"));
-        Self(IpcSettings { root_path, prefix, instance: Instance::new("r1").unwrap() })
-    }
-}
-
-impl Deref for Private {
-    type Target = IpcSettings;
-
-    fn deref(&self) -> &IpcSettings {
-        &self.0
-    }
-}
-
-impl Drop for Private {
-    fn drop(&mut self) {
-        let removed = remove_all(&self.0);
-        if !std::thread::panicking() {
-            removed.unwrap();
-        }
-    }
-}
 
 #[test]
 fn the_newest_sample_and_a_wake_up_arrive() {
@@ -252,9 +223,8 @@ fn a_peer_that_stands_still_blocks_nobody() {
 fn the_longest_root_path_takes_a_listener() {
     quiet_iceoryx2();
     let prefix = format!("t{}_l_", std::process::id());
-    let mut root = format!("/tmp/{prefix}");
-    root += &"r".repeat(107 - 1 - prefix.len() - 45 - root.len());
-    let place = Private(IpcSettings { root_path: root.into(), prefix, instance: Instance::new("r1").unwrap() });
+    let root = "r".repeat(107 - 1 - prefix.len() - 45 - format!("/tmp/{prefix}/").len());
+    let place = Private::below(prefix, &root);
     let node = place.node("daemon").unwrap();
     let _listener = state_arrival(&node, &place.instance, Access::OpenOrCreate).unwrap().listener().unwrap();
     let deeper = IpcSettings { root_path: format!("{}r", place.root_path.display()).into(), ..place.0.clone() };
@@ -285,7 +255,7 @@ fn removal_takes_everything_of_its_own_and_nothing_else() {
     let before = shared_memory_files(&neighbour.prefix).unwrap().len();
     remove_all(&place).unwrap();
     assert!(!place.root_path.exists());
-    assert_eq!(shared_memory_files(&place.prefix).unwrap(), Vec::<std::path::PathBuf>::new());
+    assert_eq!(shared_memory_files(&place.prefix).unwrap(), Vec::<PathBuf>::new());
     assert_eq!(shared_memory_files(&neighbour.prefix).unwrap().len(), before);
     remove_all(&place).expect("nothing there is no error");
 }
@@ -301,7 +271,7 @@ fn removal_refuses_what_may_belong_to_others() {
     for root in ["/tmp/iceoryx2", "/tmp/iceoryx2/", "/tmp", "/"] {
         let shared = IpcSettings { root_path: root.into(), ..place.0.clone() };
         let error = remove_all(&shared).unwrap_err();
-        assert!(matches!(error, RemoveError::SharedRootPath { .. }), "{error}");
+        assert!(matches!(error, RemoveError::SharedRootPath { .. } | RemoveError::Settings(_)), "{error}");
     }
     let node = place.node("daemon").unwrap();
     let notes = place.root_path.join("notes.txt");

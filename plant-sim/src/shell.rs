@@ -11,6 +11,7 @@ use admittance_host::clock::{monotonic_ns, sleep_then_spin_until_ns, sleep_until
 use admittance_host::config::{self, LoadError};
 use admittance_host::exit::ExitCode;
 use admittance_host::realtime::{StepOutcome, go_real_time};
+use admittance_host::time_limit::TimeLimit;
 use admittance_host::{cpu, logging};
 use ipc_types::services::{self, Access};
 
@@ -72,11 +73,13 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
         .settings(args.instance.as_deref(), args.root_path, args.prefix)
         .map_err(|why| (ExitCode::Config, why))?;
     let unavailable = |why: String| (ExitCode::Unavailable, why);
+    let opening = TimeLimit::of_opening("plant-sim", &settings.prefix);
     let ports = Ports::open(&settings, "plant-sim").map_err(unavailable)?;
     let truths = services::truth(ports.node(), &settings.instance, Access::OpenOrCreate)
         .map_err(|error| unavailable(error.to_string()))?
         .publisher()
         .map_err(|error| unavailable(error.to_string()))?;
+    drop(opening);
     for report in go_real_time(&scenario.realtime) {
         if let StepOutcome::Refused(why) = report.outcome {
             if scenario.realtime.require_realtime {

@@ -1,6 +1,5 @@
 //! The daemon as a service: who may start, what it says, signals, requests.
 
-use std::io::Write;
 use std::path::Path;
 use std::process::Command;
 
@@ -11,18 +10,21 @@ use end_to_end::session::{
 };
 use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, needs, python, undisturbed};
 
-/// Starts a program whose file is a pipe, and asks it to end when it opens that: before it can have
-/// set up anything that it does not set up first.
+/// Starts a program with a file that takes it a while to read, and asks it to end as soon as it
+/// listens: before it can have set up anything that it does not set up first.
 fn asked_to_end_at_start(ipc: &PrivateIpc, text: &str, command: impl Fn(&PrivateIpc, &Path) -> Command) -> Child {
-    let pipe = ipc.directory().join("file.toml");
-    let made = Command::new("mkfifo").arg(&pipe).status().expect("mkfifo is there");
-    assert!(made.success(), "{made}");
-    let mut child = Child::spawn(&mut command(ipc, &pipe));
-    // Blocks until the program opens the other end.
-    let mut end = std::fs::OpenOptions::new().write(true).open(&pipe).expect("the program reads its file");
+    let file = write(ipc, "file.toml", &(text.to_owned() + &"#\n".repeat(500_000)));
+    let mut child = Child::spawn(&mut command(ipc, &file));
+    let catches = |status: &str| {
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+        mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
+            .is_some_and(|mask| mask >> (libc::SIGTERM - 1) & 1 == 1)
+    };
+    let status = format!("/proc/{}/status", child.id());
+    child.wait_until("it catches SIGTERM", PATIENCE, |_| {
+        std::fs::read_to_string(&status).is_ok_and(|text| catches(&text))
+    });
     child.terminate();
-    end.write_all(text.as_bytes()).expect("the program still reads");
-    drop(end);
     child
 }
 

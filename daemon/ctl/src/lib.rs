@@ -1,6 +1,7 @@
 //! The commands to commission, watch and rehearse admittanced; and the parts that admittance-lab
 //! uses as well.
 
+mod consequences;
 pub mod demo;
 mod diagnostics;
 mod doctor;

@@ -59,12 +59,13 @@ fn seconds(text: &str) -> Result<Duration, String> {
 
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     let config_path = args.target.config_path()?;
-    let (node, settings) = args.target.connect()?;
+    let (node, settings, opening) = args.target.connect()?;
     let configuration = read_configuration(&config_path)?;
     let unavailable = |why: String| (Exit::Unavailable, why);
     let service =
         services::record(&node, &settings.instance, Access::Open).map_err(|error| unavailable(error.to_string()))?;
     let records = service.subscriber().map_err(|error| unavailable(error.to_string()))?;
+    drop(opening);
     let interrupted = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&interrupted))

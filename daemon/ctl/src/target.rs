@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use admittance_host::config::{self, LoadError};
+use admittance_host::time_limit::TimeLimit;
 use admittance_runner::config::Config;
-use ipc_types::{IpcSettings, Node};
+use ipc_types::{IpcSettings, Node, NodeError};
 
 use crate::Exit;
 
@@ -35,8 +36,9 @@ impl Target {
         }
     }
 
-    /// A node where the daemon is, and the place.
-    pub(crate) fn connect(&self) -> Result<(Node, IpcSettings), (Exit, String)> {
+    /// A node where the daemon is, the place, and a limit for the time that opening its services
+    /// may take: drop it when they are open.
+    pub(crate) fn connect(&self) -> Result<(Node, IpcSettings, TimeLimit), (Exit, String)> {
         ipc_types::quiet_iceoryx2();
         let config: Config = config::load(&self.config_path()?).map_err(|error| match error {
             LoadError::Read { .. } => (Exit::NoInput, error.to_string()),
@@ -46,7 +48,11 @@ impl Target {
             .ipc
             .settings(self.instance.as_deref(), self.root_path.clone(), self.prefix.clone())
             .map_err(|why| (Exit::Config, why))?;
-        let node = settings.node("admittancectl").map_err(|error| (Exit::Unavailable, error.to_string()))?;
-        Ok((node, settings))
+        let opening = TimeLimit::of_opening("admittancectl", &settings.prefix);
+        let node = settings.visiting_node("admittancectl").map_err(|error| {
+            let is_permission = matches!(&error, NodeError::Place(place) if place.is_permission());
+            (if is_permission { Exit::NoPermission } else { Exit::Unavailable }, error.to_string())
+        })?;
+        Ok((node, settings, opening))
     }
 }

@@ -6,20 +6,22 @@ use admittance_host::config::{self, LoadError, Section, keys_markdown};
 use admittance_runner::config::Config;
 use plant_sim::scenario::Scenario;
 
-use crate::Exit;
+use crate::{Exit, consequences};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  admittancectl validate /etc/admittanced/cell-3.toml\n  \
     admittancectl validate -v deploy/robots/six-joint.toml\n  \
     admittancectl validate --scenario plant-sim/scenarios/paper.toml\n  admittancectl validate --keys")]
 pub(crate) struct Args {
-    /// Files to check.
+    /// Files to check; of a directory every file NAME.toml in it, where NAME.scenario.toml is a
+    /// scenario.
     #[arg(required_unless_present = "keys")]
     files: Vec<PathBuf>,
     /// The files are scenarios of plant-sim.
     #[arg(long)]
     scenario: bool,
-    /// Print what the controller would believe of the arm, too.
+    /// Print what follows, too: what the controller would believe of the arm, horizon, reach, rows
+    /// and work of a cycle, safe speed.
     #[arg(short, long, conflicts_with_all = ["scenario", "keys"])]
     verbose: bool,
     /// Print every key with type, unit, range, default and meaning instead.
@@ -34,63 +36,65 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         return Ok(Exit::Ok);
     }
     let mut worst = Exit::Ok;
-    for file in &args.files {
-        let outcome: Result<Result<(), String>, LoadError> = if args.scenario {
-            config::load::<Scenario>(file).map(|_| Ok(()))
+    for path in &args.files {
+        if path.is_dir() {
+            for file in files_in(path)? {
+                let is_scenario = args.scenario || file.to_string_lossy().ends_with(".scenario.toml");
+                worst = worse(worst, one(&file, is_scenario, args.verbose));
+            }
         } else {
-            config::load::<Config>(file).map(|config| {
-                check(&config)?;
-                config.warnings().iter().for_each(|warning| eprintln!("{}: warning: {warning}", file.display()));
-                if args.verbose {
-                    belief(&config).iter().for_each(|line| println!("{}: {line}", file.display()));
-                }
-                Ok(())
-            })
-        };
-        match outcome {
-            Ok(Ok(())) => println!("{}: valid", file.display()),
-            Ok(Err(why)) => {
-                eprintln!("{}: {why}", file.display());
-                worst = Exit::Config;
-            }
-            Err(error) => {
-                eprintln!("{error}");
-                worst = code(&error);
-            }
+            worst = worse(worst, one(path, args.scenario, args.verbose));
         }
     }
     Ok(worst)
 }
 
-/// What the controller believes of the arm, line by line.
-fn belief(config: &Config) -> Vec<String> {
-    let (robot, control) = (&config.robot, &config.control);
-    let mut lines = Vec::new();
-    let described = robot.velocity_loop.as_ref();
-    let value = |list: Option<&Vec<f64>>, joint: usize| list.map_or(0.0, |list| list[joint]);
-    for (joint, lag_s) in robot.velocity_time_constant_s.iter().enumerate() {
-        let damping = value(described.and_then(|it| it.damping.as_ref()), joint);
-        let dead_time_s = value(described.and_then(|it| it.dead_time_s.as_ref()), joint);
-        let order = match damping {
-            0.0 => format!("of first order, time constant {lag_s} s"),
-            _ => format!("of second order, {:.1} rad/s at -3 dB, damping {damping}", 1.0 / lag_s),
-        };
-        lines.push(format!("joint {joint}: speed loop {order}, dead time {dead_time_s} s"));
+/// The code to end with: the last that is not Ok.
+fn worse(before: Exit, now: Exit) -> Exit {
+    if now == Exit::Ok { before } else { now }
+}
+
+/// The files of a directory that are to be checked, in the order of their names.
+fn files_in(directory: &Path) -> Result<Vec<PathBuf>, (Exit, String)> {
+    let failed = |error: std::io::Error| (Exit::NoInput, format!("{}: cannot be read: {error}", shown(directory)));
+    let entries = std::fs::read_dir(directory).map_err(failed)?;
+    let mut paths = entries.map(|entry| Ok(entry.map_err(failed)?.path())).collect::<Result<Vec<_>, _>>()?;
+    paths.sort();
+    let (files, others): (Vec<_>, Vec<_>) =
+        paths.into_iter().partition(|path| path.extension().is_some_and(|end| end == "toml"));
+    others.iter().for_each(|path| eprintln!("{}: left out, since its name does not end in .toml", shown(path)));
+    if files.is_empty() {
+        return Err((Exit::NoInput, format!("{}: no file in it ends in .toml", shown(directory))));
     }
-    lines.push(match described.map_or(0.0, |it| it.report_lag_s) {
-        0.0 => "joint velocities: as reported".to_owned(),
-        lag_s => format!("joint velocities: reported with a lag of {lag_s} s, estimated"),
-    });
-    lines.push(format!(
-        "wrench: time constants {:?} s, dead time {} s",
-        config.contact.wrench_time_constant_s, config.contact.wrench_dead_time_s
-    ));
-    lines.push(format!(
-        "a command acts {} s after its sample{}",
-        control.command_delay_s,
-        if config.mpc.model_delay { "" } else { ", which the model leaves out" }
-    ));
-    lines
+    Ok(files)
+}
+
+fn shown(path: &Path) -> String {
+    config::escaped(&path.to_string_lossy())
+}
+
+/// Checks a file, and says what came of it.
+fn one(file: &Path, is_scenario: bool, verbose: bool) -> Exit {
+    let checked = if is_scenario {
+        config::load::<Scenario>(file).map(|_| ()).map_err(|error| (code(&error), error.to_string()))
+    } else {
+        load(file).map(|config| {
+            config.warnings().iter().for_each(|warning| eprintln!("{}: warning: {warning}", shown(file)));
+            if verbose {
+                consequences::lines(&config).iter().for_each(|line| println!("{}: {line}", shown(file)));
+            }
+        })
+    };
+    match checked {
+        Ok(()) => {
+            println!("{}: valid", shown(file));
+            Exit::Ok
+        }
+        Err((code, why)) => {
+            eprintln!("{why}");
+            code
+        }
+    }
 }
 
 /// The configuration of a file, checked as far as `validate` does.
@@ -99,7 +103,7 @@ fn belief(config: &Config) -> Vec<String> {
 /// The code that `validate` ends with, and what it says.
 pub fn load(file: &Path) -> Result<Config, (Exit, String)> {
     let config: Config = config::load(file).map_err(|error| (code(&error), error.to_string()))?;
-    check(&config).map_err(|why| (Exit::Config, format!("{}: {why}", file.display())))?;
+    check(&config).map_err(|why| (Exit::Config, format!("{}: {why}", shown(file))))?;
     Ok(config)
 }
 

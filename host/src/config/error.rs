@@ -3,10 +3,15 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use admittance_core::quantities::AXIS_NAMES;
+
+use super::plain::{escaped, with_short_numbers};
 use crate::exit::ExitCode;
 
 /// Longest value that a message quotes, in characters.
 const LONGEST_VALUE: usize = 60;
+/// Most errors that are kept of one text.
+pub(super) const MOST_ERRORS: usize = 100;
 
 /// What kind of error it is.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +49,8 @@ pub struct ConfigError {
     pub problem: Problem,
     /// Line in the text, from 1; `None` for a struct that was built in code.
     pub line: Option<usize>,
+    /// The task axis that an element of a list is for.
+    pub axis: Option<&'static str>,
 }
 
 impl ConfigError {
@@ -59,7 +66,9 @@ impl ConfigError {
         value: impl fmt::Display,
         accepted: impl Into<String>,
     ) -> Self {
-        Self { key: key.into(), value: shortened(&value.to_string()), accepted: accepted.into(), problem, line: None }
+        // The value stays as it was given: rounded, it could look as if it were accepted.
+        let (value, accepted) = (shortened(&value.to_string()), with_short_numbers(&accepted.into()));
+        Self { key: key.into(), value, accepted, problem, line: None, axis: None }
     }
 
     /// The same error, with its line.
@@ -67,11 +76,19 @@ impl ConfigError {
         self.line = line;
         self
     }
+
+    /// Names the axis, if this is about an element of one of these lists.
+    pub(super) fn name_axis(&mut self, lists: &[String]) {
+        let element = self.key.strip_suffix(']').and_then(|key| key.rsplit_once('['));
+        let Some((_, index)) = element.filter(|(list, _)| lists.iter().any(|known| known == list)) else { return };
+        self.axis = index.parse::<usize>().ok().and_then(|index| AXIS_NAMES.get(index).copied());
+    }
 }
 
 impl fmt::Display for ConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { key, value, accepted, problem, .. } = self;
+        let Self { key, value, accepted, problem, axis, .. } = self;
+        let key = shortened(key) + &axis.map(|axis| format!(" ({axis})")).unwrap_or_default();
         if matches!(problem, Problem::Missing) {
             return write!(f, "{key}: missing; accepted: {accepted}");
         }
@@ -81,7 +98,7 @@ impl fmt::Display for ConfigError {
             (false, false) => write!(f, "{key} = {value}: ")?,
         }
         match problem {
-            Problem::Syntax(message) => write!(f, "{message}; accepted: {accepted}"),
+            Problem::Syntax(message) => write!(f, "{}; accepted: {accepted}", escaped(message)),
             Problem::Removed(why) => write!(f, "this key is gone: {why}; accepted: a file without it"),
             Problem::Unknown(Some(meant)) => write!(f, "unknown key, did you mean {meant}? accepted: {accepted}"),
             Problem::Unknown(None) => write!(f, "unknown key; accepted: {accepted}"),
@@ -99,8 +116,10 @@ impl std::error::Error for ConfigError {}
 pub struct ConfigErrors {
     /// Where the text comes from, usually a file's path.
     pub source_name: String,
-    /// The errors; never empty.
+    /// The errors, 100 at most; never empty.
     pub errors: Vec<ConfigError>,
+    /// How many more there are.
+    pub more: usize,
 }
 
 impl fmt::Display for ConfigErrors {
@@ -109,10 +128,14 @@ impl fmt::Display for ConfigErrors {
             if i > 0 {
                 writeln!(f)?;
             }
+            let source_name = escaped(&self.source_name);
             match error.line {
-                Some(line) => write!(f, "{}:{line}: {error}", self.source_name)?,
-                None => write!(f, "{}: {error}", self.source_name)?,
+                Some(line) => write!(f, "{source_name}:{line}: {error}")?,
+                None => write!(f, "{source_name}: {error}")?,
             }
+        }
+        if self.more > 0 {
+            write!(f, "\n{}: {} more errors", escaped(&self.source_name), self.more)?;
         }
         Ok(())
     }
@@ -124,7 +147,7 @@ impl std::error::Error for ConfigErrors {}
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
-    #[error("{}: cannot be read: {source}", path.display())]
+    #[error("{}: cannot be read: {source}", escaped(&path.to_string_lossy()))]
     Read {
         /// The file.
         path: PathBuf,
@@ -152,8 +175,11 @@ impl LoadError {
 
 /// The value on one line and of bounded length.
 fn shortened(value: &str) -> String {
-    let line = value.split_whitespace().collect::<Vec<_>>().join(" ");
-    if line.chars().count() <= LONGEST_VALUE {
+    // What is far beyond the longest is not looked at.
+    let line = value.chars().take(4 * LONGEST_VALUE).collect::<String>();
+    let line = escaped(&line.split_whitespace().collect::<Vec<_>>().join(" "));
+    let (length, is_whole) = (line.chars().count(), value.chars().nth(4 * LONGEST_VALUE).is_none());
+    if length <= LONGEST_VALUE && is_whole {
         return line;
     }
     let mut short: String = line.chars().take(LONGEST_VALUE).collect();

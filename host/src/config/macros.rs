@@ -17,6 +17,7 @@ macro_rules! config_section {
                     $(, unit $unit:literal)?
                     $(, range $range:expr)?
                     $(, length $length:expr)?
+                    $(, each $each:literal)?
                 ;
             )+
             $(removed $gone:ident $why:literal;)*
@@ -56,7 +57,7 @@ macro_rules! config_section {
                         let mut default: Option<$type> = None;
                         $( default = Some($default); )?
                         let limits = LimitsOf::<<$type as Value>::Scalar>::default()
-                            $(.unit($unit))? $(.range($range))? $(.length($length))?;
+                            $(.unit($unit))? $(.range($range))? $(.length($length))? $(.each($each))?;
                         (default, limits.limits())
                     }
                 )+

@@ -73,7 +73,7 @@
 //! ```
 //!
 //! # The syntax of a key
-//! `name: type [= default] [, unit "…"] [, range a..=b] [, length a..=b];`, in this order, with a
+//! `name: type [= default] [, unit "…"] [, range a..=b] [, length a..=b] [, each "axis"];`, in this order, with a
 //! doc comment above it.
 //!
 //! - Without a default the key is required; an `Option` is then absent, and a section whose keys
@@ -86,6 +86,7 @@
 //!   `(Bound::Excluded(0.0), Bound::Unbounded)` are possible. Numbers that are not finite are never
 //!   accepted.
 //! - `length` bounds the elements of a `Vec` or the characters of a string.
+//! - `each "axis"` (last) says that a list has one value for each task axis: errors then name it.
 //!
 //! `removed name "why";` after the keys names one that older files may have, and says what there is
 //! instead.
@@ -96,9 +97,11 @@
 
 mod docs;
 mod error;
+mod file;
 mod macros;
 pub mod mutation;
 mod parse;
+mod plain;
 #[doc(hidden)]
 pub mod private;
 mod range;
@@ -108,6 +111,8 @@ mod value;
 
 pub use docs::{KeyDoc, keys_markdown};
 pub use error::{ConfigError, ConfigErrors, LoadError, Problem};
+pub use file::{LARGEST_FILE, read_text};
 pub use parse::{load, parse};
+pub use plain::{escaped, short};
 pub use range::{Bounds, Limits, LimitsOf, NoRange, Number, Scalar};
 pub use value::{Choice, File, Key, Kind, Section, Value, join};

@@ -7,7 +7,8 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, de::DeArray};
 
 use super::docs::KeyDoc;
-use super::error::{ConfigError, ConfigErrors, LoadError, Problem};
+use super::error::{ConfigError, ConfigErrors, LoadError, MOST_ERRORS, Problem};
+use super::file::read_text;
 use super::range::{Limits, Number};
 use super::suggest::nearest;
 use super::value::{File, Key, Kind, join};
@@ -18,7 +19,7 @@ use super::value::{File, Key, Kind, join};
 /// The file cannot be read, or [`parse`] does not accept it; [`LoadError::exit_code`] tells them
 /// apart.
 pub fn load<T: File>(path: &Path) -> Result<T, LoadError> {
-    let text = std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    let text = read_text(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
     Ok(parse(&text, &path.display().to_string())?)
 }
 
@@ -30,25 +31,33 @@ pub fn load<T: File>(path: &Path) -> Result<T, LoadError> {
 /// lines; with none of these, all errors of the cross-checks. Text that is not TOML gives its
 /// syntax errors only.
 pub fn parse<T: File>(text: &str, source_name: &str) -> Result<T, ConfigErrors> {
-    let failed = |mut errors: Vec<ConfigError>| {
+    let all = T::keys("");
+    let lists: Vec<String> = all.iter().filter(|key| key.limits.per_axis).map(|key| key.path.clone()).collect();
+    let failed = |mut errors: Vec<ConfigError>, unseen: usize| {
         errors.sort_by_key(|error| error.line.unwrap_or(usize::MAX));
-        ConfigErrors { source_name: source_name.to_owned(), errors }
+        let more = unseen + errors.len().saturating_sub(MOST_ERRORS);
+        errors.truncate(MOST_ERRORS);
+        errors.iter_mut().for_each(|error| error.name_axis(&lists));
+        ConfigErrors { source_name: source_name.to_owned(), errors, more }
     };
 
+    let lines = Lines::of(text);
     let (table, syntax_errors) = DeTable::parse_recoverable(text);
     if !syntax_errors.is_empty() {
-        return Err(failed(syntax_errors.iter().map(|error| syntax_error(text, error)).collect()));
+        let seen = syntax_errors.iter().take(MOST_ERRORS);
+        let unseen = syntax_errors.len().saturating_sub(MOST_ERRORS);
+        return Err(failed(seen.map(|error| syntax_error(text, &lines, error)).collect(), unseen));
     }
 
-    let mut walk = Walk { text, all: T::keys(""), errors: Vec::new(), lines: BTreeMap::new() };
+    let mut walk = Walk { text, starts: lines, all, errors: Vec::new(), lines: BTreeMap::new() };
     walk.table("", &T::schema(), table.get_ref(), None);
     if !walk.errors.is_empty() {
-        return Err(failed(walk.errors));
+        return Err(failed(walk.errors, 0));
     }
 
     // The walk accepts nothing that serde refuses; should it, serde's own message is better than
     // none.
-    let config = T::deserialized(text).map_err(|error| failed(vec![syntax_error(text, &error)]))?;
+    let config = T::deserialized(text).map_err(|error| failed(vec![syntax_error(text, &walk.starts, &error)], 0))?;
     let mut errors = Vec::new();
     config.check("", &mut errors);
     if errors.is_empty() {
@@ -57,7 +66,7 @@ pub fn parse<T: File>(text: &str, source_name: &str) -> Result<T, ConfigErrors> 
     for error in &mut errors {
         error.line = walk.line_of(&error.key);
     }
-    Err(failed(errors))
+    Err(failed(errors, 0))
 }
 
 /// What is wrong with a key's own default; a section's default consists of its keys'.
@@ -77,15 +86,18 @@ pub(super) fn default_errors(doc: &KeyDoc) -> Vec<ConfigError> {
         removed: None,
     };
     let (table, syntax_errors) = DeTable::parse_recoverable(&text);
-    let mut walk = Walk { text: &text, all: Vec::new(), errors: Vec::new(), lines: BTreeMap::new() };
+    let mut walk =
+        Walk { text: &text, starts: Lines::of(&text), all: Vec::new(), errors: Vec::new(), lines: BTreeMap::new() };
     walk.table("", &[key], table.get_ref(), None);
-    walk.errors.extend(syntax_errors.iter().map(|error| syntax_error(&text, error)));
+    let lines = Lines::of(&text);
+    walk.errors.extend(syntax_errors.iter().map(|error| syntax_error(&text, &lines, error)));
     walk.errors
 }
 
 /// Compares a parsed table with the declared keys.
 struct Walk<'a> {
     text: &'a str,
+    starts: Lines,
     /// Every key of the whole configuration, to recognise one that is in the wrong section.
     all: Vec<KeyDoc>,
     errors: Vec<ConfigError>,
@@ -97,7 +109,7 @@ impl Walk<'_> {
     fn table(&mut self, path: &str, keys: &[Key], table: &DeTable<'_>, line: Option<usize>) {
         for (name, value) in table.iter() {
             let key_path = join(path, &shown_name(name.get_ref()));
-            let key_line = line_at(self.text, name.span().start);
+            let key_line = self.starts.line_at(name.span().start);
             self.lines.insert(key_path.clone(), key_line);
             match keys.iter().find(|key| key.name == name.get_ref().as_ref()) {
                 Some(Key { removed: Some(why), .. }) => {
@@ -139,7 +151,7 @@ impl Walk<'_> {
             }
             (Kind::Float, DeValue::Float(x)) => x.as_str().parse().is_ok_and(|x| limits.range.accept(Number::Float(x))),
             (Kind::Boolean, DeValue::Boolean(_)) => true,
-            (Kind::Text, DeValue::String(text)) => limits.accept_length(text.chars().count()),
+            (Kind::Text, DeValue::String(text)) => limits.accept_text(text),
             (Kind::Choice(choices), DeValue::String(text)) => choices.iter().any(|choice| choice.name == text.as_ref()),
             (Kind::Section(keys), DeValue::Table(table)) => {
                 return self.table(path, &keys(), table, Some(line));
@@ -164,7 +176,7 @@ impl Walk<'_> {
     fn elements(&mut self, path: &str, of: &Kind, limits: &Limits, array: &DeArray<'_>) {
         for (i, element) in array.iter().enumerate() {
             let path = format!("{path}[{i}]");
-            let line = line_at(self.text, element.span().start);
+            let line = self.starts.line_at(element.span().start);
             self.lines.insert(path.clone(), line);
             self.value(&path, of, &Limits { length: None, ..*limits }, element, line);
         }
@@ -221,14 +233,23 @@ fn type_name(value: &DeValue<'_>) -> &'static str {
     }
 }
 
-/// Line of a byte offset, from 1.
-fn line_at(text: &str, offset: usize) -> usize {
-    1 + text.bytes().take(offset).filter(|byte| *byte == b'\n').count()
+/// Where the lines of a text end: looked up once for all its errors.
+struct Lines(Vec<usize>);
+
+impl Lines {
+    fn of(text: &str) -> Self {
+        Self(text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(offset, _)| offset).collect())
+    }
+
+    /// Line of a byte offset, from 1.
+    fn line_at(&self, offset: usize) -> usize {
+        1 + self.0.partition_point(|end| *end < offset)
+    }
 }
 
 /// An error of the TOML parser, with the key of the line that it points to.
-fn syntax_error(text: &str, error: &toml::de::Error) -> ConfigError {
-    let line = error.span().map(|span| line_at(text, span.start));
+fn syntax_error(text: &str, lines: &Lines, error: &toml::de::Error) -> ConfigError {
+    let line = error.span().map(|span| lines.line_at(span.start));
     let source = line.and_then(|line| text.lines().nth(line - 1)).unwrap_or_default().trim();
     let key = line.map(|line| key_near(text, line)).unwrap_or_default();
     let value = match source.split_once('=') {

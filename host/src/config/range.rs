@@ -172,12 +172,19 @@ pub struct Limits {
     pub range: Bounds,
     /// Number of elements of a list, or of characters of a string.
     pub length: Option<Bounds>,
+    /// Whether a list has one element for each task axis.
+    pub per_axis: bool,
 }
 
 impl Limits {
     /// The unit as messages show it: nothing for "1".
     pub fn shown_unit(&self) -> Option<&'static str> {
         self.unit.filter(|unit| *unit != "1")
+    }
+
+    /// Whether this string is accepted: by its length, and as one that can be shown.
+    pub fn accept_text(&self, text: &str) -> bool {
+        self.accept_length(text.chars().count()) && !text.contains(char::is_control)
     }
 
     /// Whether a list or string of this length is accepted.
@@ -196,7 +203,7 @@ pub struct LimitsOf<S> {
 
 impl<S: Scalar> Default for LimitsOf<S> {
     fn default() -> Self {
-        Self { limits: Limits { unit: None, range: S::natural(), length: None }, scalar: PhantomData }
+        Self { limits: Limits { unit: None, range: S::natural(), length: None, per_axis: false }, scalar: PhantomData }
     }
 }
 
@@ -221,6 +228,12 @@ impl<S: Scalar> LimitsOf<S> {
             bounds.high = Bound::Unbounded;
         }
         self.limits.length = Some(bounds);
+        self
+    }
+
+    /// Sets what a list has one element for: "axis" is known.
+    pub fn each(mut self, what: &str) -> Self {
+        self.limits.per_axis = what == "axis";
         self
     }
 

@@ -14,7 +14,7 @@ fn check_number(x: Number, kind: &Kind, path: &str, limits: &Limits, errors: &mu
 }
 
 fn check_text(text: &str, path: &str, limits: &Limits, errors: &mut Vec<ConfigError>) {
-    if !limits.accept_length(text.chars().count()) {
+    if !limits.accept_text(text) {
         errors.push(ConfigError::new(path, text_to_toml(text), Kind::Text.accepted_value(path, limits)));
     }
 }

@@ -1,7 +1,14 @@
 //! The key that was probably meant.
 
+/// Longest name that is compared, in bytes.
+const LONGEST_NAME: usize = 64;
+
 /// The candidate that is nearest to a misspelt name, if one is near enough.
 pub(super) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    // Nobody mistypes a key into a page of text.
+    if name.len() > LONGEST_NAME {
+        return None;
+    }
     let name: Vec<char> = name.to_lowercase().chars().collect();
     let most_changes = (name.len() / 3).max(1);
     candidates

@@ -72,7 +72,7 @@ impl Kind {
                 let names: Vec<_> = choices.iter().map(|choice| format!("\"{}\"", choice.name)).collect();
                 names.join(" or ")
             }
-            Self::Text => limits.length.map(|length| format!("{length} characters")).unwrap_or_default(),
+            Self::Text => limits.length.map(|length| format!("{length} printable characters")).unwrap_or_default(),
             Self::List { of, .. } => {
                 let of_length = limits.length.map(|length| format!("of length {length}"));
                 let of_elements = Some(of.restriction(&Limits { length: None, ..*limits })).filter(|s| !s.is_empty());

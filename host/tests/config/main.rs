@@ -55,7 +55,7 @@ joint = []
 patience = 3
 ";
     let expected = "\
-cell.toml:1: cell = 3: is an integer; accepted: string, at least 2 characters
+cell.toml:1: cell = 3: is an integer; accepted: string, at least 2 printable characters
 cell.toml:2: control.sampling_time_s: missing; accepted: number, 0.0001 to 0.1 s
 cell.toml:3: control.horizn = 5: unknown key, did you mean control.horizon? accepted: sampling_time_s, horizon, law, laws, \
 weights, stiffness_n_per_m, contact_point_m, stop_force_n, seed, enabled, surface
@@ -132,7 +132,7 @@ fn a_struct_built_in_code_is_checked_the_same() {
             "control.weights = 7 elements: accepted: array of numbers, of length 1 to 6, each 0 to 1000000000",
             "control.weights[6] = inf: accepted: 0 to 1000000000",
             "control.surface[1][0] = -2: accepted: -1 to 1",
-            "robot.name = \"\": accepted: string, 1 to 16 characters",
+            "robot.name = \"\": accepted: string, 1 to 16 printable characters",
             "robot.joint[1].length_m = NaN: accepted: 0 to 5 m",
             "ipc.patience = -2: accepted: -1 to 2147483647 cycles",
             "noise.deviation_n = -0.5: accepted: 0 to 10 N",

@@ -1,6 +1,7 @@
 //! The units under a real systemd: how it starts, watches, restarts and stops them. Installation is
 //! in `tests/install.rs`.
 
+mod strangers;
 mod units;
 
 use end_to_end::{Need, PATIENCE, Systemd, needs, undisturbed, wait_until};

@@ -132,11 +132,10 @@ pub(crate) fn shared_memory(systemd: &Systemd) -> Vec<(String, u32)> {
     files.collect()
 }
 
-/// When both sides have stopped only iceoryx2's counter of nodes is left, 16 bytes that all
-/// instances share.
+/// When both sides have stopped nothing is left.
 pub(crate) fn assert_shared_memory_is_free(systemd: &Systemd) {
     let files = shared_memory(systemd);
-    assert!(files.iter().all(|(name, _)| name.ends_with(".global_mgmt")) && files.len() <= 1, "{files:?}");
+    assert!(files.is_empty(), "{files:?}");
 }
 
 /// Policy, real-time priority and processors of each thread of the daemon, by name.

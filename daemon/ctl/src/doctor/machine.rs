@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use ipc_types::{IpcSettings, PlaceError, effective_user, user_name};
+
 /// Texts of procfs and sysfs, and a few numbers; `None` where the kernel does not tell.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Machine {
@@ -28,11 +30,26 @@ pub(crate) struct Machine {
     pub(crate) shared_memory: Option<u64>,
     /// Whether /dev/cpu_dma_latency can be written, or why not.
     pub(crate) cpu_dma_latency: Result<(), String>,
+    /// Whose the root path is; why it would not be used.
+    pub(crate) root_path: Result<String, String>,
+    /// Whether all that is in shared memory with the prefix is this user's.
+    pub(crate) shared_files: Result<(), String>,
+}
+
+/// What can be said of the root path.
+fn root_path(settings: &IpcSettings) -> Result<String, String> {
+    let path = settings.root_path.display();
+    match ipc_types::open_root(&settings.root_path, false) {
+        Ok(_) => Ok(format!("{path}, of {} alone", user_name(effective_user()))),
+        // systemd or the daemon makes it.
+        Err(PlaceError::Absent { .. }) => Ok(format!("{path}: not there yet")),
+        Err(error) => Err(error.to_string()),
+    }
 }
 
 impl Machine {
     /// This one, as this process sees it.
-    pub(crate) fn observe() -> Self {
+    pub(crate) fn observe(settings: &IpcSettings) -> Self {
         let cpu = Path::new("/sys/devices/system/cpu");
         let online = read(cpu.join("online"));
         let processors = online.as_deref().and_then(processors).unwrap_or_default();
@@ -49,6 +66,8 @@ impl Machine {
             clock_source: read("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
             shared_memory: admittance_host::shared_memory::free_bytes(),
             cpu_dma_latency: may_write(c"/dev/cpu_dma_latency"),
+            root_path: root_path(settings),
+            shared_files: settings.check_shared_memory().map_err(|error| error.to_string()),
         }
     }
 }
@@ -89,7 +108,11 @@ mod tests {
 
     #[test]
     fn this_machine_can_be_read() {
-        let machine = Machine::observe();
+        let instance = ipc_types::Instance::new("robot").unwrap();
+        let settings = IpcSettings { root_path: "/tmp/adm-no-such/x".into(), prefix: "no_such_".to_owned(), instance };
+        let machine = Machine::observe(&settings);
+        assert!(machine.root_path.is_err_and(|why| why.contains("directly in /tmp")));
+        assert!(machine.shared_files.is_ok());
         assert!(machine.online.as_deref().and_then(processors).is_some_and(|online| !online.is_empty()));
         assert!(machine.limits.is_some_and(|limits| limits.contains("Max locked memory")));
         assert!(machine.status.is_some_and(|status| status.contains("CapEff:")));

@@ -6,6 +6,8 @@ mod machine;
 
 use std::path::PathBuf;
 
+use admittance_host::config::Value;
+use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
 use admittance_runner::config::{Config, Wait};
 use comfy_table::{ContentArrangement, Table, presets};
@@ -78,12 +80,18 @@ impl Asked {
     }
 }
 
+const NO_DEFAULT: &str = "every key of [ipc] has a default";
+
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
-    let asked = match &args.config {
-        Some(file) => Asked::by(&validate::load(file)?),
-        None => Asked::default(),
+    let (asked, ipc) = match &args.config {
+        Some(file) => {
+            let config = validate::load(file)?;
+            (Asked::by(&config), config.ipc)
+        }
+        None => (Asked::default(), IpcSection::when_missing().ok_or((Exit::Internal, NO_DEFAULT.to_owned()))?),
     };
-    let checks = checks::all(&Machine::observe(), &asked);
+    let settings = ipc.settings(None, None, None).map_err(|why| (Exit::Config, why))?;
+    let checks = checks::all(&Machine::observe(&settings), &asked);
     let refused = checks.iter().filter(|check| check.status == Status::Refused).count();
     if args.json {
         println!("{}", serde_json::json!({ "checks": checks, "refused": refused }));

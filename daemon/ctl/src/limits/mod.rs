@@ -10,6 +10,7 @@ mod table;
 use std::path::{Path, PathBuf};
 
 use admittance_runner::config::Config;
+use plant_sim::scenario::Scenario;
 
 use crate::{Exit, offline, parallel, plausible, validate};
 pub(crate) use approach::Approach;
@@ -153,6 +154,32 @@ pub(crate) fn highest_safe_speed(
     match found.speed_m_s {
         Some(speed) if speed > 0.0 => Ok((config, speed)),
         _ => Err(format!("no speed is safe: {}", found.limited_by)),
+    }
+}
+
+/// The approach along the surface normal that a configuration describes by itself.
+pub(crate) struct Touch(Approach);
+
+impl Touch {
+    /// Of a (checked) configuration.
+    ///
+    /// # Errors
+    /// What it leaves open, such as the joints of an arm of six.
+    pub(crate) fn of(config: &Config) -> Result<Self, (Exit, String)> {
+        Approach::new(config, None, None).map(Self)
+    }
+
+    /// The highest safe speed in m/s at the configuration's own cycle time and stiffness.
+    ///
+    /// # Errors
+    /// What cannot be simulated, and that no speed is safe.
+    pub(crate) fn safe_speed(&self, config: &Config, instants: u32) -> Result<f64, String> {
+        highest_safe_speed(config, &self.0, config.control.sampling_time_s, instants).map(|(_, speed)| speed)
+    }
+
+    /// A plant that touches at this speed.
+    pub(crate) fn scenario(&self, config: &Config, speed_m_s: f64) -> Scenario {
+        self.0.scenario(config, speed_m_s, 0.0)
     }
 }
 

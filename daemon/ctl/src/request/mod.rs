@@ -31,8 +31,9 @@ pub fn request(kind: RequestKind) -> RequestSample {
 
 /// Sends the request, prints what was done or why it was refused, and returns the exit code.
 fn tell(target: &Target, request: RequestSample) -> Result<Exit, (Exit, String)> {
-    let (node, settings) = target.connect()?;
+    let (node, settings, opening) = target.connect()?;
     let response = ask(&node, &settings, request)?;
+    drop(opening);
     println!("{}", response.text());
     Ok(if response.status == ResponseStatus::Done.code() { Exit::Ok } else { Exit::ClaimNotMet })
 }

@@ -22,9 +22,10 @@ pub(crate) struct StatusArgs {
 }
 
 pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
-    let (node, settings) = args.target.connect()?;
+    let (node, settings, opening) = args.target.connect()?;
     let response = ask(&node, &settings, request(RequestKind::Status))?;
     let diagnostics = diagnostics::first(&diagnostics::subscribe(&node, &settings)?, &settings)?;
+    drop(opening);
     if args.json {
         let mut json = json_of(&response);
         json["diagnostics"] = diagnostics::json_of(&diagnostics);

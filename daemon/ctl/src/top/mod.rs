@@ -77,8 +77,9 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
             "top needs a terminal for input and output; elsewhere: admittancectl status [--json]".to_owned(),
         ));
     }
-    let (node, settings) = args.target.connect()?;
+    let (node, settings, opening) = args.target.connect()?;
     let subscriber = subscribe(&node, &settings)?;
+    drop(opening);
     let sample = first(&subscriber, &settings)?;
     let watched = Watched::new(settings.instance.as_str().to_owned(), sample);
     let ended = Arc::new(AtomicBool::new(false));

@@ -89,8 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     bar.finish_and_clear();
     let seconds = begun.elapsed().as_secs_f64();
     let (_session, left) = stage.end(&mut tally)?;
-    // One segment for each prefix is iceoryx2's own: it outlives every node.
-    for path in left.iter().filter(|path| path.extension() != Some(OsStr::new("global_mgmt"))) {
+    for path in left {
         tally.broken("shared_memory_is_removed", path.display().to_string());
     }
     tally.observed(&read(&findings)?, GRACE, seconds);

@@ -39,18 +39,18 @@ config_section! {
     /// Contact and force, one value per task axis: N on x y z, N·m on rx ry rz.
     pub struct ContactSection {
         /// Axes that admittance control may take over.
-        admittance_axes: Vec<bool>, length 2..=6;
+        admittance_axes: Vec<bool>, length 2..=6, each "axis";
         /// |f̂| above which an axis joins, β.
-        activation_threshold: Vec<f64>, unit "N, N m", range 0.001..=1e4, length 2..=6;
+        activation_threshold: Vec<f64>, unit "N, N m", range 0.001..=1e4, length 2..=6, each "axis";
         /// |f̂| below which an active axis leaves; at most the activation threshold, which the
         /// paper uses for both.
-        release_threshold: Vec<f64>, unit "N, N m", range 0.0..=1e4, length 2..=6;
+        release_threshold: Vec<f64>, unit "N, N m", range 0.0..=1e4, length 2..=6, each "axis";
         /// Largest |f| on an active axis, f_max.
-        force_limit: Vec<f64>, unit "N, N m", range 0.01..=1e5, length 2..=6;
+        force_limit: Vec<f64>, unit "N, N m", range 0.01..=1e5, length 2..=6, each "axis";
         /// Smallest |f| on an active axis, f_min: contact must not be lost.
-        minimum_force: Vec<f64>, unit "N, N m", range 0.0..=1e4, length 2..=6;
+        minimum_force: Vec<f64>, unit "N, N m", range 0.0..=1e4, length 2..=6, each "axis";
         /// Time constant of the wrench estimate T_est (6); 0 for a sensor without lag.
-        wrench_time_constant_s: Vec<f64>, unit "s", range 0.0..=0.5, length 2..=6;
+        wrench_time_constant_s: Vec<f64>, unit "s", range 0.0..=0.5, length 2..=6, each "axis";
         /// By how much later the wrench estimate shows the force, besides that lag: transport, a
         /// filter that delays. Not with environment.contact = "detected".
         wrench_dead_time_s: f64 = 0.0, unit "s", range 0.0..=0.1;

@@ -8,7 +8,7 @@ config_section! {
     /// an offset that is not optimised is clamped to `velocity_offset`.
     pub struct LimitsSection {
         /// Largest |Δṗ| per task axis.
-        velocity_offset: Vec<f64>, unit "m/s, rad/s", range 0.001..=20.0, length 2..=6;
+        velocity_offset: Vec<f64>, unit "m/s, rad/s", range 0.001..=20.0, length 2..=6, each "axis";
         /// Largest speed reference of each joint, J⁻¹ (ṗ0 + Δṗ).
         joint_speed_rad_s: Option<Vec<f64>>, unit "rad/s", range 0.01..=100.0, length 2..=8;
         /// Smallest position of each joint; together with joint_position_max_rad.
@@ -17,9 +17,9 @@ config_section! {
         joint_position_max_rad: Option<Vec<f64>>, unit "rad", range -100.0..=100.0, length 2..=8;
         /// Largest rate of Δṗ per task axis toward the surface, and either way on an axis that does
         /// not feel it.
-        inward_rate_m_s2: Option<Vec<f64>>, unit "m/s^2, rad/s^2", range 0.01..=1e5, length 2..=6;
+        inward_rate_m_s2: Option<Vec<f64>>, unit "m/s^2, rad/s^2", range 0.01..=1e5, length 2..=6, each "axis";
         /// Largest rate of Δṗ per task axis out of the surface; unlimited when absent.
-        outward_rate_m_s2: Option<Vec<f64>>, unit "m/s^2, rad/s^2", range 0.01..=1e5, length 2..=6;
+        outward_rate_m_s2: Option<Vec<f64>>, unit "m/s^2, rad/s^2", range 0.01..=1e5, length 2..=6, each "axis";
         /// Rate at which the offset of a released axis returns to zero.
         release_rate_m_s2: f64 = 10.0, unit "m/s^2, rad/s^2", range 0.01..=1000.0;
     }

@@ -14,6 +14,7 @@ mod control;
 mod environment;
 mod limits;
 mod mpc;
+mod plausibility;
 mod requests;
 mod stopping;
 mod warnings;
@@ -26,6 +27,7 @@ pub use limits::LimitsSection;
 pub use mpc::{
     DiscretizationName, ForcePointsName, InputsName, InwardSpeedName, MpcSection, OnInfeasibleName, WeightSpace,
 };
+pub use plausibility::{contact_distance_m, reach_m};
 pub use requests::RequestsSection;
 pub use stopping::{DampingSection, StoppingSection};
 pub use wrench::{GivenInName, GivenSignName, WrenchSection};
@@ -132,6 +134,7 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
             format!("at most {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s with mpc.model_delay");
         errors.push(ConfigError::new("control.command_delay_s", delayed, accepted));
     }
+    plausibility::check_arm(config, errors);
     check_velocity_loop(config, errors);
     check_wrench_dead_time(config, errors);
     // What the deadband hides must be released already: hysteresis and limits see the whole force.

@@ -92,9 +92,9 @@ config_section! {
         /// Weight of velocity errors, per joint (s²/rad²) or task axis (s²/m², s²/rad²).
         velocity_weight: Vec<f64>, unit "s^2/rad^2, s^2/m^2", range 0.0..=1e9, length 2..=8;
         /// Weight of the wrench estimate, per task axis.
-        wrench_weight: Vec<f64>, unit "1/N^2, 1/(N m)^2", range 0.0..=1e6, length 2..=6;
+        wrench_weight: Vec<f64>, unit "1/N^2, 1/(N m)^2", range 0.0..=1e6, length 2..=6, each "axis";
         /// Weight R of the offset, per task axis.
-        input_weight: Vec<f64>, unit "s^2/m^2, s^2/rad^2", range 1e-6..=1e9, length 2..=6;
+        input_weight: Vec<f64>, unit "s^2/m^2, s^2/rad^2", range 1e-6..=1e9, length 2..=6, each "axis";
         /// What an infeasible verdict leads to.
         on_infeasible: OnInfeasibleName = OnInfeasibleName::MinimumForce;
         /// A solution is accepted if its relative KKT residual is at most 1000 times this.

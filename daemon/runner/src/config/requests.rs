@@ -10,9 +10,9 @@ config_section! {
     pub struct RequestsSection {
         /// Smallest force limit that a request may set, one value per task axis; together with
         /// force_limit_max.
-        force_limit_min: Option<Vec<f64>>, unit "N, N m", range 0.01..=1e5, length 2..=6;
+        force_limit_min: Option<Vec<f64>>, unit "N, N m", range 0.01..=1e5, length 2..=6, each "axis";
         /// Largest force limit that a request may set, one value per task axis.
-        force_limit_max: Option<Vec<f64>>, unit "N, N m", range 0.01..=1e5, length 2..=6;
+        force_limit_max: Option<Vec<f64>>, unit "N, N m", range 0.01..=1e5, length 2..=6, each "axis";
         /// Smallest normal stiffness that a request may set; together with
         /// normal_stiffness_max_n_m.
         normal_stiffness_min_n_m: Option<f64>, unit "N/m", range 100.0..=1e8;

@@ -30,6 +30,6 @@ config_section! {
     /// The damping law (3).
     pub struct DampingSection {
         /// Diagonal of D, per task axis.
-        damping_n_s_m: Vec<f64>, unit "N s/m, N m s/rad", range 0.1..=1e7, length 2..=6;
+        damping_n_s_m: Vec<f64>, unit "N s/m, N m s/rad", range 0.1..=1e7, length 2..=6, each "axis";
     }
 }

@@ -1,12 +1,22 @@
 //! What is accepted and yet hardly meant.
 
-use super::Config;
 use admittance_core::belief::{NOISE_DEVIATIONS, NoiseWindow};
 use admittance_core::quantities::{AXIS_NAMES, Span, is_linear, wrench_unit};
+use admittance_host::config::short;
+
+use super::Config;
+use super::plausibility::{MOST_FORCE_N_M, contact_distance_m, reach_m};
+
+/// What a solve takes on a fast machine, in s: no answer is in time below it.
+const FASTEST_ANSWER_S: f64 = 50e-6;
 
 impl Config {
     /// Sentences about this (checked) configuration, for whoever loads it.
     pub fn warnings(&self) -> Vec<String> {
+        [self.noise(), self.distance(), self.budget(), self.forces()].concat()
+    }
+
+    fn noise(&self) -> Vec<String> {
         let (contact, noise) = (&self.contact, self.environment.wrench_noise_n);
         let least = NOISE_DEVIATIONS * noise;
         let is_noisy = |axis: &usize| {
@@ -15,9 +25,11 @@ impl Config {
         let warning = |axis: usize| {
             format!(
                 "contact.activation_threshold[{axis}] = {} N on {} is below {NOISE_DEVIATIONS} standard deviations of the wrench's \
-                 noise (environment.wrench_noise_n = {noise} N): noise alone may count as a contact; give at least {least} N",
-                contact.activation_threshold[axis],
+                 noise (environment.wrench_noise_n = {} N): noise alone may count as a contact; give at least {} N",
+                short(contact.activation_threshold[axis]),
                 AXIS_NAMES.get(axis).unwrap_or(&"?"),
+                short(noise),
+                short(least),
             )
         };
         let axes = 0..contact.admittance_axes.len();
@@ -40,12 +52,73 @@ impl Config {
         let unit = wrench_unit(axis);
         (contact.admittance_axes[axis] && window.excess > 0.0).then(|| {
             format!(
-                "contact.force_limit[{axis}] = {limit} {unit} on {}: the force without the lag of its estimate is counted                  (ForceExceeded) only {allowed:.1} {unit} above that, since noise of {noise} {unit} ({whose}) may be \
-                 {:.1} {unit} in it over the longest window, {length_s:.3} s of contact.wrench_time_constant_s = {lag} s;                  give a higher limit, a shorter time constant, or less noise",
+                "contact.force_limit[{axis}] = {limit} {unit} on {}: the force without the lag of its estimate is counted \
+                 (ForceExceeded) only {allowed:.1} {unit} above that, since noise of {noise} {unit} ({whose}) may be \
+                 {:.1} {unit} in it over the longest window, {length_s:.3} s of contact.wrench_time_constant_s = {lag} s; \
+                 give a higher limit, a shorter time constant, or less noise",
                 AXIS_NAMES.get(axis).unwrap_or(&"?"),
                 window.noise,
             )
         })
+    }
+
+    /// A surface out of reach is an error; its point alone may be far.
+    fn distance(&self) -> Vec<String> {
+        let reach = reach_m(&self.robot);
+        let far = contact_distance_m(self).filter(|(point, _)| *point > reach);
+        let warning = |(point, _)| {
+            format!(
+                "environment.contact_point_m = {:?} is {} m away from the first joint, and the arm's links reach {} m: it \
+                 stands for the surface only if that is a plane as far as there",
+                self.environment.contact_point_m.unwrap_or_default().map(short),
+                short(point),
+                short(reach)
+            )
+        };
+        far.map(warning).into_iter().collect()
+    }
+
+    fn budget(&self) -> Vec<String> {
+        let budget = self.control.answer_budget_s;
+        if budget >= FASTEST_ANSWER_S {
+            return Vec::new();
+        }
+        vec![format!(
+            "control.answer_budget_s = {} s: an answer takes {} s or more on fast machines, so every cycle in contact would \
+             be a fallback; give at least that",
+            short(budget),
+            short(FASTEST_ANSWER_S)
+        )]
+    }
+
+    /// Limits and guards that no arm of this size gets to.
+    fn forces(&self) -> Vec<String> {
+        let most = MOST_FORCE_N_M * reach_m(&self.robot);
+        let contact = &self.contact;
+        let limits = contact
+            .force_limit
+            .iter()
+            .enumerate()
+            .filter(|(axis, _)| contact.admittance_axes[*axis] && is_linear(*axis));
+        let limits = limits.map(|(axis, limit)| {
+            (format!("contact.force_limit[{axis}] ({})", AXIS_NAMES.get(axis).unwrap_or(&"?")), Some(*limit))
+        });
+        let stopping = [
+            ("stopping.force_guard_n".to_owned(), self.stopping.force_guard_n),
+            ("stopping.mismatch_n".to_owned(), self.stopping.mismatch_n),
+            ("stopping.stop_force_n".to_owned(), self.stopping.stop_force_n),
+        ];
+        let beyond =
+            limits.chain(stopping).filter_map(|(key, force)| Some((key, force.filter(|force| *force > most)?)));
+        let warning = |(key, force)| {
+            format!(
+                "{key} = {} N protects nothing: an arm that reaches {} m presses with {} N at most",
+                short(force),
+                short(reach_m(&self.robot)),
+                short(most)
+            )
+        };
+        beyond.map(warning).collect()
     }
 }
 
@@ -87,5 +160,52 @@ mod tests {
         }
         config.environment.wrench_noise_n = 0.2;
         assert_eq!(config.warnings(), Vec::<String>::new(), "little enough");
+    }
+
+    fn planar(changes: impl FnOnce(&mut Config)) -> Config {
+        let text = include_str!("../../../../deploy/demo/mpc-default.toml");
+        let mut config: Config = parse(text, "mpc-default.toml").unwrap();
+        changes(&mut config);
+        config
+    }
+
+    #[test]
+    fn what_no_arm_does_is_warned_of() {
+        let one = |config: Config| {
+            let warnings = config.warnings();
+            assert_eq!(warnings.len(), 1, "{warnings:?}");
+            warnings.into_iter().next().unwrap_or_default()
+        };
+        let text = one(planar(|config| config.control.answer_budget_s = 1e-5));
+        assert!(text.starts_with("control.answer_budget_s = 1e-5 s: an answer takes 5e-5 s"), "{text}");
+        let text = one(planar(|config| config.contact.force_limit[1] = 1e5));
+        assert!(
+            text.starts_with("contact.force_limit[1] (y) = 100000 N protects nothing: an arm that reaches 2 m"),
+            "{text}"
+        );
+        let text = one(planar(|config| config.stopping.force_guard_n = Some(1e5)));
+        assert!(text.starts_with("stopping.force_guard_n = 100000 N"), "{text}");
+        // Along the surface, so that its plane stays within reach.
+        let text = one(planar(|config| config.environment.contact_point_m = Some([1.32 + 9.063, 0.68 - 4.226, 0.0])));
+        assert!(text.contains("reach 2 m"), "{text}");
+    }
+
+    #[test]
+    fn what_no_motion_mends_is_an_error() {
+        let errors = |config: Config| {
+            let mut errors = Vec::new();
+            admittance_host::config::Section::check(&config, "", &mut errors);
+            errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+        };
+        assert_eq!(errors(planar(|_| ())), "");
+        let text = errors(planar(|config| config.environment.contact_point_m = Some([5.0, 5.0, 0.0])));
+        assert!(
+            text.starts_with(
+                "environment.contact_point_m = [5.0, 5.0, 0.0]: accepted: a point on a surface within reach"
+            ),
+            "{text}"
+        );
+        let text = errors(planar(|config| config.robot.tool.origin_m = [0.0; 3]));
+        assert!(text.contains("robot.joint = links of 1 m in all"), "{text}");
     }
 }

@@ -46,10 +46,10 @@ config_section! {
         saturation: Option<[f64; 6]>, unit "N, N m", range 0.001..=1e6;
         /// Magnitude up to which a task axis counts as without force, one value per axis; at most
         /// the release threshold. Larger forces are left as they are. None when absent.
-        deadband: Option<Vec<f64>>, unit "N, N m", range 0.0..=1e4, length 2..=6;
-        /// Mass of what hangs on the sensor and is not compensated by the controller. Its inertia
-        /// is removed as that of a point mass, which contact.wrench_time_constant_s delays as it
-        /// does any force; its acceleration follows from the reported joint velocities.
+        deadband: Option<Vec<f64>>, unit "N, N m", range 0.0..=1e4, length 2..=6, each "axis";
+        /// Mass of what hangs on the sensor and is not compensated by the controller. Its inertia is
+        /// removed as that of a point mass, which contact.wrench_time_constant_s delays as it does
+        /// any force; its acceleration follows from the reported joint velocities.
         tool_mass_kg: f64 = 0.0, unit "kg", range 0.0..=500.0;
         /// Its centre of gravity in the frame of the TCP.
         tool_center_of_gravity_m: [f64; 3] = [0.0, 0.0, 0.0], unit "m", range -2.0..=2.0;

@@ -1,0 +1,151 @@
+//! What follows from a configuration, for `validate -v`: what is believed of the arm, and what a
+//! simulated touch shows.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use admittance_core::mpc::qp::{Answer, Qp, QpOutcome, QpSolver};
+use admittance_core::with_arm;
+use admittance_host::config::short;
+use admittance_runner::config::{Config, LawName, contact_distance_m, reach_m};
+use admittance_runner::virtual_time::VirtualTime;
+use admittance_runner::{cycle, parameters};
+use plant_sim::run::VirtualRun;
+
+use crate::limits::Touch;
+
+/// Instants of contact within a cycle that the safe speed is safe at.
+const INSTANTS: u32 = 4;
+
+/// Line by line.
+pub(crate) fn lines(config: &Config) -> Vec<String> {
+    let mut lines = belief(config);
+    lines.push(horizon(config));
+    lines.push(reach(config));
+    lines.extend(touch(config));
+    lines
+}
+
+fn horizon(config: &Config) -> String {
+    let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
+    let steps = with_arm!((joints, axes), <N, D> => {
+        parameters::parameters::<N, D>(config).map(|all| {
+            (all.mpc.horizon, all.mpc.steps.iter().take(all.mpc.horizon).sum::<f64>())
+        })
+    }, else None);
+    let (count, length) = steps.unwrap_or_default();
+    format!("horizon: {} ms in {count} steps", short(length * 1e3))
+}
+
+fn reach(config: &Config) -> String {
+    let reach = format!("reach: {} m from the first joint", short(reach_m(&config.robot)));
+    match contact_distance_m(config) {
+        Some((point, _)) => format!("{reach}; the contact point is {} m away", short(point)),
+        None => format!("{reach}; the contact point is not configured"),
+    }
+}
+
+/// What the MPC's problems were like.
+#[derive(Debug, Default)]
+struct Work {
+    variables: AtomicUsize,
+    rows: AtomicUsize,
+    iterations: AtomicUsize,
+    times: Mutex<Vec<Duration>>,
+}
+
+struct Watched<S> {
+    solver: S,
+    work: Arc<Work>,
+}
+
+impl<S: QpSolver> QpSolver for Watched<S> {
+    fn solve(&mut self, qp: &Qp<'_>, answer: &mut Answer<'_>, expired: &mut dyn FnMut() -> bool) -> QpOutcome {
+        let begun = Instant::now();
+        let outcome = self.solver.solve(qp, answer, expired);
+        let taken = begun.elapsed();
+        let work = &self.work;
+        work.variables.fetch_max(qp.variables, Ordering::Relaxed);
+        work.rows.fetch_max(qp.row_count, Ordering::Relaxed);
+        work.iterations.fetch_max(outcome.iterations() as usize, Ordering::Relaxed);
+        work.times.lock().unwrap_or_else(PoisonError::into_inner).push(taken);
+        outcome
+    }
+}
+
+/// The safe speed, and the work of a touch at half of it.
+fn touch(config: &Config) -> Vec<String> {
+    let touch = match Touch::of(config) {
+        Ok(touch) => touch,
+        Err((_, why)) => return vec![format!("safe speed: not known here: {why}")],
+    };
+    let speed = match touch.safe_speed(config, INSTANTS) {
+        Ok(speed) => speed,
+        Err(why) => return vec![format!("safe speed: {why}")],
+    };
+    let safe = format!(
+        "safe speed: {} m/s into the surface, if all is as told ({INSTANTS} instants of contact; admittancectl limits \
+         has what a cell may do)",
+        short(speed)
+    );
+    match work(config, &touch, speed / 2.0) {
+        Ok(work) => vec![work, safe],
+        Err(why) => vec![format!("work: {why}"), safe],
+    }
+}
+
+fn work(config: &Config, touch: &Touch, speed_m_s: f64) -> Result<String, String> {
+    if config.control.law == LawName::Damping {
+        return Ok("work: none, the damping law optimises nothing".to_owned());
+    }
+    let work = Arc::new(Work::default());
+    let watched = Arc::clone(&work);
+    let cycle = cycle::build_with(config, None, move |solver| Watched { solver, work: watched })?;
+    let plant = VirtualRun::new(&touch.scenario(config, speed_m_s)).map_err(|error| error.to_string())?;
+    let mut run = VirtualTime::new(cycle, plant);
+    while run.step()?.is_some() {}
+    let mut times = std::mem::take(&mut *work.times.lock().unwrap_or_else(PoisonError::into_inner));
+    times.sort();
+    let median = times.get(times.len() / 2).copied().unwrap_or_default();
+    let seen = |number: &AtomicUsize| number.load(Ordering::Relaxed);
+    Ok(format!(
+        "work of a cycle in contact: up to {} variables, {} rows and {} iterations; solving takes {} us here, at the \
+         median",
+        seen(&work.variables),
+        seen(&work.rows),
+        seen(&work.iterations),
+        median.as_micros()
+    ))
+}
+
+/// What the controller believes of the arm.
+fn belief(config: &Config) -> Vec<String> {
+    let (robot, control) = (&config.robot, &config.control);
+    let mut lines = Vec::new();
+    let described = robot.velocity_loop.as_ref();
+    let value = |list: Option<&Vec<f64>>, joint: usize| list.map_or(0.0, |list| list[joint]);
+    for (joint, lag_s) in robot.velocity_time_constant_s.iter().enumerate() {
+        let damping = value(described.and_then(|it| it.damping.as_ref()), joint);
+        let dead_time_s = value(described.and_then(|it| it.dead_time_s.as_ref()), joint);
+        let order = match damping {
+            0.0 => format!("of first order, time constant {lag_s} s"),
+            _ => format!("of second order, {:.1} rad/s at -3 dB, damping {}", 1.0 / lag_s, short(damping)),
+        };
+        lines.push(format!("joint {joint}: speed loop {order}, dead time {dead_time_s} s"));
+    }
+    lines.push(match described.map_or(0.0, |it| it.report_lag_s) {
+        0.0 => "joint velocities: as reported".to_owned(),
+        lag_s => format!("joint velocities: reported with a lag of {lag_s} s, estimated"),
+    });
+    lines.push(format!(
+        "wrench: time constants {:?} s, dead time {} s",
+        config.contact.wrench_time_constant_s, config.contact.wrench_dead_time_s
+    ));
+    lines.push(format!(
+        "a command acts {} s after its sample{}",
+        control.command_delay_s,
+        if config.mpc.model_delay { "" } else { ", which the model leaves out" }
+    ));
+    lines
+}
