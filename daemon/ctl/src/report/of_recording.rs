@@ -15,7 +15,7 @@ use super::chart::{Chart, escape};
 use super::figures::{Curve, Window, over_time, paths};
 use super::{TAIL, head, table_row, write_figure};
 use crate::Exit;
-use crate::recording::{Item, Recording};
+use crate::recording::{Item, Recording, Source};
 
 /// What is shown before and after the first contact, in s.
 const BEFORE_CONTACT_S: f64 = 0.01;
@@ -26,20 +26,21 @@ const ROOM: f64 = 0.08;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "The axis shown is the one whose force comes closest to its limit. With plant-sim's truth in the recording, true and \
-    measured values are drawn beside each other.\n\nExit codes: 0 written, 64 usage, 65 no recording, 66 no such file, 73 the \
+    measured values are drawn beside each other.\n\nExit codes: 0 written, 64 usage, 65 no recording, or a damaged one, 66 no such file, 73 the \
     directory cannot be written.\n\nExample:\n  admittancectl report contact.mcap --directory contact-report"
 )]
 pub(crate) struct Args {
-    /// What admittancectl record wrote.
-    file: PathBuf,
+    #[command(flatten)]
+    source: Source,
     /// Where index.html and the figures go.
     #[arg(long, default_value = "recording-report")]
     directory: PathBuf,
 }
 
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
-    let recording = Recording::open(&args.file)?;
-    let malformed = |why: &str| (Exit::DataError, format!("{}: {why}", args.file.display()));
+    let recording = args.source.open()?;
+    let file = args.source.file.display();
+    let malformed = |why: &str| (Exit::DataError, format!("{}: {why}", file));
     let text = recording.configurations().get(&0).ok_or_else(|| malformed("no configuration in it"))?;
     let config: Config =
         config::parse(text, "the recorded configuration").map_err(|error| (Exit::Config, error.to_string()))?;
@@ -47,7 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     if series.cycles == 0 {
         return Err(malformed("no cycle in it"));
     }
-    write(&args.directory, &args.file.display().to_string(), text, &config, &series).map_err(|error| {
+    write(&args.directory, &file.to_string(), text, &config, &series).map_err(|error| {
         (Exit::CantCreate, format!("the report in {} was not written: {error}", args.directory.display()))
     })?;
     eprintln!("report: {}", args.directory.join("index.html").display());
