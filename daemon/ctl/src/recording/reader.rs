@@ -13,9 +13,7 @@ use serde_json::Value;
 use super::chunk::{Chunk, Message, channel};
 use super::fields::record;
 use super::scan::{Contents, Damage, scan};
-use super::{
-    COMMAND, COMMAND_FIELD, CYCLE, PRESENT_RECORD_VERSION, RECORD_VERSION, STATE, STATE_FIELD, TOPICS, TRUTH,
-};
+use super::{COMMAND, COMMAND_FIELD, CYCLE, PRESENT_RECORD_VERSION, RECORD_VERSION, STATE, STATE_FIELD, TOPICS, TRUTH};
 use crate::Exit;
 
 /// A recording.
@@ -65,7 +63,8 @@ impl Recording {
     /// # Errors
     /// 65 when it is no recording.
     pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<Self, (Exit, String)> {
-        let foreign = |why: &str| (Exit::DataError, format!("{name}: {why}; accepted: what admittancectl record wrote"));
+        let foreign =
+            |why: &str| (Exit::DataError, format!("{name}: {why}; accepted: what admittancectl record wrote"));
         let contents = scan(&bytes);
         if contents.metadata.is_empty() && contents.configurations.is_empty() {
             let is_mcap = bytes.starts_with(mcap::MAGIC);
@@ -155,7 +154,13 @@ impl Recording {
 fn version_of(cycle: &Value) -> u32 {
     let has = |field: &str| cycle.get(field).is_some();
     match () {
-        () if has("wrench_without_lag") => if cycle["kind"].is_string() { 4 } else { 3 },
+        () if has("wrench_without_lag") => {
+            if cycle["kind"].is_string() {
+                4
+            } else {
+                3
+            }
+        }
         () if has("belief_uncertainty_n") => 2,
         () => 1,
     }

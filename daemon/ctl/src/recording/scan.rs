@@ -105,7 +105,8 @@ pub(super) fn scan(bytes: &[u8]) -> Contents {
             }
             Whole::DataEnd(saved) => {
                 if contents.damages.is_empty() && crc32fast::hash(&bytes[..at]) != saved {
-                    let what = "the checksum of all before it does not match, though those of messages and configurations do";
+                    let what =
+                        "the checksum of all before it does not match, though those of messages and configurations do";
                     contents.damages.push(Damage { bytes: 0..end, what });
                 }
                 let (complete, damaged) = summary(bytes, end);
@@ -136,7 +137,9 @@ fn read(bytes: &[u8], at: usize, index: &Index) -> Result<(Whole, usize), Fault>
         op::MESSAGE_INDEX => {
             is_index_of(body, index).map(|()| Whole::MessageIndex).ok_or_else(damaged("the index of a chunk"))?
         }
-        op::DATA_END => Fields(body).u32().filter(|_| body.len() == 4).map(Whole::DataEnd).ok_or_else(damaged("the data end"))?,
+        op::DATA_END => {
+            Fields(body).u32().filter(|_| body.len() == 4).map(Whole::DataEnd).ok_or_else(damaged("the data end"))?
+        }
         _ => return Err(Fault::Damaged("a record of a kind that no recording has here")),
     };
     Ok((whole, end))
@@ -152,7 +155,11 @@ fn too_long(bytes: &[u8], at: usize) -> Fault {
         (_, None) => true,
         (_, Some(_)) => false,
     };
-    if may_break_off { Fault::BreaksOff } else { Fault::Damaged("a record of a kind or a length that no recording has here") }
+    if may_break_off {
+        Fault::BreaksOff
+    } else {
+        Fault::Damaged("a record of a kind or a length that no recording has here")
+    }
 }
 
 /// Whether something begins here that must have been written so: it has a checksum.
@@ -200,7 +207,8 @@ fn attachment(body: &[u8]) -> Option<Whole> {
 fn summary(bytes: &[u8], from: usize) -> (bool, Option<Range<usize>>) {
     let damaged = || Some(from..bytes.len());
     let footer = bytes.len().checked_sub(MAGIC.len() + FOOTER).filter(|at| *at >= from);
-    let saved = footer.and_then(|at| record(bytes, at)).filter(|footer| footer.opcode == op::FOOTER && footer.body.len() == 20);
+    let saved =
+        footer.and_then(|at| record(bytes, at)).filter(|footer| footer.opcode == op::FOOTER && footer.body.len() == 20);
     let is_whole = saved.is_some_and(|footer| {
         let (content, saved) = bytes[from..footer.end].split_at(footer.end - from - 4);
         crc32fast::hash(content).to_le_bytes() == *saved
