@@ -34,14 +34,14 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     let recording = args.source.open()?;
     let file = args.source.file.display();
-    let text = match &args.config {
-        Some(path) => {
-            std::fs::read_to_string(path).map_err(|error| (Exit::NoInput, format!("{}: {error}", path.display())))?
-        }
-        None => recording.configurations().get(&0).cloned().ok_or_else(|| {
-            (Exit::DataError, format!("{}: no configuration in it: give one with --config", file))
-        })?,
-    };
+    let text =
+        match &args.config {
+            Some(path) => std::fs::read_to_string(path)
+                .map_err(|error| (Exit::NoInput, format!("{}: {error}", path.display())))?,
+            None => recording.configurations().get(&0).cloned().ok_or_else(|| {
+                (Exit::DataError, format!("{}: no configuration in it: give one with --config", file))
+            })?,
+        };
     let name = args.config.as_ref().map_or("the recorded configuration".into(), |path| path.display().to_string());
     let config: Config = config::parse(&text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
     let mut session = Session::new(config, recording.configurations(), recording.record_version())?;
