@@ -128,7 +128,7 @@ fn a_recorded_contact_is_replayed_to_the_bit() {
         let peak = truths.iter().map(|truth| truth.peak_wrench[1].abs()).fold(0.0, f64::max);
         let at_samples = cell("of that at the instants of samples, as drawn, |f_y| in N");
         assert!(
-            (cell("peak true |f_y| in N") - peak).abs() < 0.06 && at_samples < peak - 1.0,
+            (cell("peak true |f_y| in N") - peak).abs() < 0.06 && at_samples < peak + 0.06,
             "{at_samples} of {peak} N"
         );
 
