@@ -204,6 +204,14 @@ fn surroundings() -> Vec<Row> {
             &["No space left on device", "what was written until a second before is readable"],
             &[],
         ),
+        unnoticed(
+            "recording_damaged",
+            "A bit of a recording has flipped.",
+            Injection::ReplayDamaged,
+            65,
+            &["damaged at byte", "--recover goes on with what is whole"],
+            &[],
+        ),
     ];
     let (daemon, plant) = (Who::Daemon, Who::Plant);
     let anew = [Step::End(daemon), Step::End(plant), Step::Start(daemon), Step::Start(plant)];
