@@ -3,7 +3,6 @@
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 
-use ipc_types::layout::WireType as _;
 use ipc_types::layout::{SampleInfo, WireSample as _};
 use ipc_types::{
     CommandSample, DiagnosticsSample, ENUMS, RecordSample, RequestSample, ResponseSample, SAMPLES, StateSample,

@@ -27,6 +27,10 @@ const WIDTH_PX: u32 = 860;
 const BAND_PX: u32 = 26;
 const GAP_PX: u32 = 8;
 const AXIS_PX: u32 = 44;
+const LEGEND_ROW_PX: u32 = 20;
+/// From a patch of the legend to its name, and from a name to the next patch.
+const NAME_AT_PX: u32 = 17;
+const NAMES_APART_PX: u32 = 16;
 /// About the width of a letter: a name that doesn't fit is in the legend alone.
 const LETTER_PX: f64 = 7.5;
 
@@ -35,7 +39,7 @@ pub(super) fn svg(bands: &[Band], time: &Range<f64>, description: &str) -> Strin
     let legend = legend(bands);
     let (left, right) = (LEFT_PX, WIDTH_PX - 2 * MARGIN_PX);
     let x = |at: f64| f64::from(left) + (at - time.start) / (time.end - time.start) * f64::from(right - left);
-    let top = 28;
+    let top = 8 + LEGEND_ROW_PX * (1 + legend.iter().map(|entry| entry.row).max().unwrap_or(0));
     let bottom = top + bands.len() as u32 * (BAND_PX + GAP_PX);
     let height = bottom + AXIS_PX;
     let mut svg = format!(
@@ -44,12 +48,10 @@ pub(super) fn svg(bands: &[Band], time: &Range<f64>, description: &str) -> Strin
          <rect width=\"{WIDTH_PX}\" height=\"{height}\" fill=\"#FFFFFF\"/>\n",
         escape(description)
     );
-    let mut at = left;
-    for (name, color) in legend {
-        let text = escape(name);
-        let _ = writeln!(svg, "<rect x=\"{at}\" y=\"6\" width=\"12\" height=\"12\" fill=\"{color}\"/>");
-        let _ = writeln!(svg, "<text x=\"{}\" y=\"17\">{text}</text>", at + 17);
-        at += 17 + (name.chars().count() as f64 * LETTER_PX) as u32 + 16;
+    for Entry { name, color, x, row } in legend {
+        let (y, text) = (6 + row * LEGEND_ROW_PX, escape(name));
+        let _ = writeln!(svg, "<rect x=\"{x}\" y=\"{y}\" width=\"12\" height=\"12\" fill=\"{color}\"/>");
+        let _ = writeln!(svg, "<text x=\"{}\" y=\"{}\">{text}</text>", x + NAME_AT_PX, y + 11);
     }
     for (band, y) in bands.iter().zip((top..).step_by((BAND_PX + GAP_PX) as usize)) {
         let _ = writeln!(
@@ -91,13 +93,28 @@ pub(super) fn svg(bands: &[Band], time: &Range<f64>, description: &str) -> Strin
     svg
 }
 
-/// Each name with its colour, once.
-fn legend(bands: &[Band]) -> Vec<(&str, &'static str)> {
-    let mut legend: Vec<(&str, &'static str)> = Vec::new();
-    for span in bands.iter().flat_map(|band| &band.spans) {
-        if !legend.iter().any(|(name, _)| *name == span.name) {
-            legend.push((&span.name, span.color));
+/// A name in the legend.
+struct Entry<'a> {
+    name: &'a str,
+    color: &'static str,
+    x: u32,
+    row: u32,
+}
+
+/// Each name once, in as many rows as they need.
+fn legend(bands: &[Band]) -> Vec<Entry<'_>> {
+    let mut legend: Vec<Entry<'_>> = Vec::new();
+    let (mut x, mut row) = (LEFT_PX, 0);
+    for Span { name, color, .. } in bands.iter().flat_map(|band| &band.spans) {
+        if legend.iter().any(|entry| entry.name == name) {
+            continue;
         }
+        let width = NAME_AT_PX + (name.chars().count() as f64 * LETTER_PX) as u32;
+        if x + width > WIDTH_PX - 2 * MARGIN_PX && x > LEFT_PX {
+            (x, row) = (LEFT_PX, row + 1);
+        }
+        legend.push(Entry { name, color, x, row });
+        x += width + NAMES_APART_PX;
     }
     legend
 }
@@ -138,6 +155,15 @@ mod tests {
             spans.iter().map(|span| (span.name.as_str(), span.time.clone())).collect::<Vec<_>>(),
             [("Free", 0.0..0.8), ("Contact", 0.8..2.0)]
         );
+    }
+
+    #[test]
+    fn names_that_do_not_fit_beside_each_other_are_in_rows() {
+        let states = (0..12).map(|index| (f64::from(index), format!("Stopped (Reason{index})"), "#112233"));
+        let band = Band { title: "mode", spans: spans(states, 12.0) };
+        let entries = legend(std::slice::from_ref(&band));
+        assert_eq!(entries.iter().map(|entry| entry.row).collect::<Vec<_>>(), [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2]);
+        assert!(entries.iter().all(|entry| entry.x < 700));
     }
 
     #[test]
