@@ -100,7 +100,12 @@ pub(super) fn scan(bytes: &[u8]) -> Contents {
                 }
             }
             Whole::Chunk(body, of_chunk) => {
-                contents.chunks.push(body);
+                // No two chunks have the same messages.
+                if contents.chunks.iter().any(|known| bytes[known.clone()] == bytes[body.clone()]) {
+                    damage(at..end, "a chunk of messages is there twice");
+                } else {
+                    contents.chunks.push(body);
+                }
                 index = of_chunk;
             }
             Whole::DataEnd(saved) => {

@@ -154,6 +154,10 @@ fn what_is_whole_is_recovered_around_the_damage() {
     assert_eq!(with(&|bytes| bytes[middle.start - 9] ^= 1), [1, 2, 3, 7, 8, 9], "its kind");
     assert_eq!(with(&|bytes| bytes[middle.clone()].fill(0)), [1, 2, 3, 7, 8, 9]);
     assert_eq!(with(&|bytes| drop(bytes.drain(middle.start - 5..middle.end - 5))), [1, 2, 3, 7, 8, 9]);
+    // A block that was written twice.
+    let again = bytes[middle.start - 20..middle.end + 20].to_vec();
+    let twice = |bytes: &mut Vec<u8>| drop(bytes.splice(middle.end + 20..middle.end + 20, again.clone()));
+    assert_eq!(with(&twice), [1, 2, 3, 4, 5, 6, 7, 8, 9]);
     // Without the schemas the channels are known by their order.
     assert_eq!(with(&|bytes| bytes[chunks[0].start + 50] ^= 1), [1, 2, 3, 4, 5, 6, 7, 8, 9]);
 }
