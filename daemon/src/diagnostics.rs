@@ -116,12 +116,15 @@ impl Diagnostics {
         self.sample.wrench
     }
 
-    /// Takes a cycle in.
+    /// Takes a cycle in. A silence is none.
     pub(crate) fn cycle(&mut self, record: &RecordSample) {
         let command = &record.command;
+        if record.kind != RecordKind::Sample.code() {
+            return;
+        }
         self.sample.cycles += 1;
         self.cycles_this_second += 1;
-        if record.kind != RecordKind::Sample.code() || record.fault != Fault::NONE {
+        if record.fault != Fault::NONE {
             return;
         }
         // Only the stamp of an accepted sample is reliable.

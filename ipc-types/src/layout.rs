@@ -1,6 +1,7 @@
 //! The layout of samples and enums of the wire contract, as data: the schema and the C header are
 //! generated from this alone.
 
+use admittance_vocabulary::EnumInfo;
 use serde_json::Value;
 
 /// A type that may appear in a sample: `u8`, `u32`, `u64`, `f64`, arrays of them with one or two
@@ -18,7 +19,7 @@ pub trait WireType: Copy {
 
     /// The value as JSON, from which [`Self::from_json`] makes the same bits again (of a NaN, only
     /// that it is one): numbers as numbers, those that JSON lacks as "NaN", "inf" and "-inf",
-    /// arrays as one list, row after row, samples as objects.
+    /// arrays as one list, row after row, samples as objects, codes as their names.
     fn to_json(&self) -> Value;
 
     /// The value that [`Self::to_json`] wrote; `None` when it is another type's, or a field is
@@ -58,6 +59,21 @@ wire_scalar! {
     u32 = 0, Self::eq, Value::from, |value: &Value| value.as_u64()?.try_into().ok();
     u64 = 0, Self::eq, Value::from, Value::as_u64;
     f64 = 0.0, float_same_bits, float_to_json, float_from_json;
+}
+
+/// The name of a code; of one that is not declared its number, as text.
+pub(crate) fn code_to_json(names: &EnumInfo, code: u32) -> Value {
+    match names.values.iter().find(|value| value.code == code) {
+        Some(value) => Value::from(value.name),
+        None => Value::from(code.to_string()),
+    }
+}
+
+/// The code that [`code_to_json`] wrote, or that was written as a number, as it was in earlier versions.
+pub(crate) fn code_from_json(names: &EnumInfo, value: &Value) -> Option<u32> {
+    let Some(text) = value.as_str() else { return u32::from_json(value) };
+    let named = names.values.iter().find(|value| value.name == text).map(|value| value.code);
+    named.or_else(|| text.parse().ok())
 }
 
 fn float_same_bits(one: &f64, other: &f64) -> bool {

@@ -54,13 +54,18 @@ macro_rules! wire_sample {
 
             fn to_json(&self) -> serde_json::Value {
                 let mut object = serde_json::Map::new();
-                $( object.insert(stringify!($field).to_owned(), self.$field.to_json()); )+
+                $( object.insert(
+                    stringify!($field).to_owned(),
+                    wire_sample!(@to_json self.$field $(, $enumeration)?),
+                ); )+
                 serde_json::Value::Object(object)
             }
 
             fn from_json(value: &serde_json::Value) -> Option<Self> {
                 let object = value.as_object()?;
-                Some(Self { $( $field: <$ty>::from_json(object.get(stringify!($field))?)?, )+ })
+                Some(Self {
+                    $( $field: wire_sample!(@from_json object.get(stringify!($field))?, $ty $(, $enumeration)?)?, )+
+                })
             }
         }
 
@@ -98,6 +103,14 @@ macro_rules! wire_sample {
             )+
             assert!(0 $(+ core::mem::size_of::<$ty>())+ == $size, concat!("padding inside ", stringify!($name)));
         };
+    };
+    (@to_json $value:expr) => { $value.to_json() };
+    (@to_json $value:expr, $enumeration:ident) => {
+        $crate::layout::code_to_json(&<$crate::$enumeration as admittance_vocabulary::Named>::INFO, $value)
+    };
+    (@from_json $value:expr, $ty:ty) => { <$ty>::from_json($value) };
+    (@from_json $value:expr, $ty:ty, $enumeration:ident) => {
+        $crate::layout::code_from_json(&<$crate::$enumeration as admittance_vocabulary::Named>::INFO, $value)
     };
     (@enumeration $ty:ty) => { None };
     (@enumeration $ty:ty, $enumeration:ident) => {

@@ -206,9 +206,8 @@ fn field_schema(field: &FieldInfo) -> Value {
         }
     }
     if let Some(codes) = ENUMS.iter().find(|known| Some(known.name) == field.enumeration) {
-        let code =
-            |value: &EnumValueInfo| json!({ "title": value.name, "const": value.code, "description": value.meaning });
-        schema["oneOf"] = codes.values.iter().map(code).collect();
+        let name = |value: &EnumValueInfo| json!({ "const": value.name, "description": value.meaning });
+        schema = json!({ "type": "string", "oneOf": codes.values.iter().map(name).collect::<Value>() });
     }
     schema["description"] =
         Value::from(format!("{}{layout} Unit: {}. Range: {}.", field.meaning, field.unit, field.range));

@@ -63,7 +63,7 @@ pub struct Counters {
     /// Cycles in contact answered by the last plan, and cycles without a solution answered by a
     /// retreat. A retreat without a sample does not count.
     pub fallback: u64,
-    /// Samples that did not reach the law, and silences.
+    /// Samples that did not reach the law.
     pub rejected: u64,
     /// Samples that never arrived, by gaps in their sequence.
     pub missed: u64,

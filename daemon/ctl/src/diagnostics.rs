@@ -5,10 +5,7 @@ use std::time::Duration;
 use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::clock::monotonic_ns;
 use ipc_types::services::{self, Access};
-use ipc_types::{
-    DiagnosticsSample, IpcSettings, Mode, Motion, Node, QUANTILES, Side, StopReason, Subscriber, TASK_AXES, Verdict,
-};
-use serde_json::json;
+use ipc_types::{DiagnosticsSample, IpcSettings, Mode, Node, QUANTILES, StopReason, Subscriber, TASK_AXES, Verdict};
 
 use crate::Exit;
 
@@ -85,41 +82,4 @@ pub(crate) fn verdict_text(sample: &DiagnosticsSample) -> String {
         }
         _ => "no verdict".to_owned(),
     }
-}
-
-/// The sample as JSON; keys end in their unit where it isn't obvious.
-pub(crate) fn json_of(sample: &DiagnosticsSample) -> serde_json::Value {
-    let quantiles = |[p50, p99, p999, max]: [u64; QUANTILES]| json!({ "p50_ns": p50, "p99_ns": p99, "p999_ns": p999, "max_ns": max });
-    let mut json = json!({
-        "mode": Mode::name_of(sample.mode),
-        "motion": Motion::name_of(sample.motion),
-        "stop_reason": StopReason::name_of(sample.stop_reason),
-        "verdict": Verdict::name_of(sample.verdict),
-        "verdict_axis": AXIS_NAMES.get(sample.verdict_axis as usize),
-        "verdict_side": Side::name_of(sample.verdict_side),
-        "verdict_margin_n": sample.verdict_margin,
-        "verdict_time_s": sample.verdict_time_s,
-        "wrench_n": sample.wrench,
-        "force_limit_n": sample.force_limit,
-        "minimum_force_n": sample.minimum_force,
-        "velocity_offset_m_s": sample.velocity_offset,
-        "uptime_ns": sample.uptime_ns,
-        "cycles": sample.cycles,
-        "cycles_last_second": sample.cycles_last_second,
-        "fallback_count": sample.fallback_count,
-        "late_count": sample.late_count,
-        "missed_count": sample.missed_count,
-        "rejected_count": sample.rejected_count,
-        "limited_count": sample.limited_count,
-        "records_dropped": sample.dropped_count,
-        "contact_losses": sample.contact_losses,
-        "exceeded_count": sample.exceeded_count,
-        "solver_failures": sample.solver_failures,
-    });
-    for (name, all, last_second) in latencies(sample) {
-        let key = name.replace('-', "_");
-        json[format!("{key}_time")] = quantiles(all);
-        json[format!("{key}_time_last_second")] = quantiles(last_second);
-    }
-    json
 }

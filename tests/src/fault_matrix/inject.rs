@@ -9,7 +9,7 @@ use super::files::daemon_file;
 use super::row::{Disk, Injection, Newcomer, Signal};
 use super::run::{Stage, Wrong};
 use crate::session::{ctl_command, daemon_command, output, with_keys, write};
-use crate::{Child, PATIENCE};
+use crate::{Child, PATIENCE, binaries};
 
 impl Stage<'_> {
     pub(super) fn inject(&mut self) -> Result<(), Wrong> {
@@ -34,6 +34,14 @@ impl Stage<'_> {
                 self.newcomer = Some(Child::spawn(&mut ctl_command(&self.ipc, "status", &self.config)));
             }
             Injection::Record(disk) => self.record(disk)?,
+            Injection::ReplayDamaged => {
+                let mut bytes = include_bytes!("../../recordings/force-exceeded.mcap").to_vec();
+                let middle = bytes.len() / 2;
+                bytes[middle] ^= 1;
+                let file = self.ipc.directory().join("damaged.mcap");
+                std::fs::write(&file, bytes).map_err(|error| error.to_string())?;
+                self.newcomer = Some(Child::spawn(Command::new(&binaries().admittancectl).arg("replay").arg(file)));
+            }
             Injection::Request(words) => {
                 let mut command = ctl_command(&self.ipc, words[0], &self.config);
                 let (code, text) = output(command.args(&words[1..]));

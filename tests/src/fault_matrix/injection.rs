@@ -21,6 +21,8 @@ pub enum Injection {
     RemoveRoot,
     /// `admittancectl record` into a place that does not take it.
     Record(Disk),
+    /// `admittancectl replay` of a recording of which one bit has flipped.
+    ReplayDamaged,
     /// The daemon's file is replaced by this text, and the daemon told to read it again.
     ReloadText(&'static str),
     /// The same with keys changed.
@@ -95,6 +97,9 @@ impl fmt::Display for Injection {
             Self::RemoveRoot => f.write_str("`rm -r` of `ipc.root_path`"),
             Self::Record(Disk::Missing) => f.write_str("`admittancectl record` into a directory that does not exist"),
             Self::Record(Disk::Full) => f.write_str("`admittancectl record` onto a file system of 64 KiB"),
+            Self::ReplayDamaged => {
+                f.write_str("one bit of the messages in a recording is flipped; then `admittancectl replay` of it")
+            }
             Self::ReloadText(text) => {
                 write!(f, "the configuration is replaced by `{}`; SIGHUP to the daemon", text.replace('\n', " ⏎ "))
             }

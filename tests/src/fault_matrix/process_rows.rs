@@ -33,7 +33,7 @@ fn killed_or_stopped() -> Vec<Row> {
     let silent_free = |recovery: Vec<Step>| Expectation {
         robot: Robot::NotRunning,
         command: vec![FREE, idle(SampleStale)],
-        counted: vec![Counter::Rejected],
+        counted: Vec::new(),
         log: by_daemon(&["Idle: SampleStale, no sample for longer than max_sample_age_s"]),
         recovery,
         ..Expectation::undisturbed(FREE)
@@ -41,7 +41,7 @@ fn killed_or_stopped() -> Vec<Row> {
     let silent_contact = |recovery: Vec<Step>| Expectation {
         robot: Robot::NotRunning,
         command: vec![CONTACT, stopping(SampleStale), stopped(SampleStale)],
-        counted: vec![Counter::Rejected, Counter::Fallback],
+        counted: vec![Counter::Fallback],
         log: by_daemon(&["Stopped: SampleStale, no sample for longer than max_sample_age_s"]),
         force: Force::PlanThenHold,
         recovery,
@@ -74,8 +74,11 @@ fn killed_or_stopped() -> Vec<Row> {
             timeline: LONG,
             ..row(
                 "plant_stopped",
-                silent_free(vec![Step::Continue(plant)]),
-                silent_contact(vec![Step::Continue(plant), Step::Retreat, Step::Reset]),
+                Expectation { counted: vec![Counter::Rejected], ..silent_free(vec![Step::Continue(plant)]) },
+                Expectation {
+                    counted: vec![Counter::Rejected, Counter::Fallback],
+                    ..silent_contact(vec![Step::Continue(plant), Step::Retreat, Step::Reset])
+                },
             )
         },
         Row {
@@ -199,6 +202,14 @@ fn surroundings() -> Vec<Row> {
             Injection::Record(Disk::Full),
             74,
             &["No space left on device", "what was written until a second before is readable"],
+            &[],
+        ),
+        unnoticed(
+            "recording_damaged",
+            "A bit of a recording has flipped.",
+            Injection::ReplayDamaged,
+            65,
+            &["damaged at byte", "--recover goes on with what is whole"],
             &[],
         ),
     ];

@@ -89,7 +89,7 @@ pub(super) fn rows() -> Vec<Row> {
                 Expectation {
                     robot: Robot::PlaysPlan,
                     command: vec![FREE, idle(SampleStale)],
-                    counted: vec![Counter::Rejected, Counter::Missed],
+                    counted: vec![Counter::Missed],
                     log: by_daemon(&["Idle: SampleStale, no sample for longer than max_sample_age_s"]),
                     recovery: vec![Step::FaultEnds],
                     ..Expectation::undisturbed(FREE)
@@ -97,7 +97,7 @@ pub(super) fn rows() -> Vec<Row> {
                 Expectation {
                     robot: Robot::Retreats,
                     command: vec![CONTACT, stopping(SampleStale), stopped(SampleStale)],
-                    counted: vec![Counter::Rejected, Counter::Missed, Counter::Fallback],
+                    counted: vec![Counter::Missed, Counter::Fallback],
                     log: by_daemon(&["Stopped: SampleStale, no sample for longer than max_sample_age_s"]),
                     force: Force::PlanThenHold,
                     recovery: vec![Step::FaultEnds, Step::Retreat, Step::Reset],

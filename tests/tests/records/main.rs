@@ -114,11 +114,23 @@ fn a_recorded_contact_is_replayed_to_the_bit() {
         let (code, text) = output(draw.arg("report").arg(&whole).arg("--directory").arg(&report));
         assert_eq!(code, Some(0), "{text}");
         let page = std::fs::read_to_string(report.join("index.html")).expect("a page");
-        assert_eq!(page.matches("<figure>").count(), 3);
-        assert!(page.contains("true, in force") && page.contains("peak true |f_y| in N"), "{page}");
-        for number in 3..=5 {
+        assert_eq!(page.matches("<figure>").count(), 4);
+        assert!(page.contains("true, in force") && page.contains("Figure 1: mode and verdict"), "{page}");
+        for number in 1..=4 {
             assert!(report.join(format!("figure-{number}.svg")).exists());
         }
+        // Between samples the force was higher: the plant's own peak.
+        let cell = |what: &str| {
+            let row =
+                page.split(&format!("<td>{what}</td><td>")).nth(1).unwrap_or_else(|| panic!("no {what} in {page}"));
+            row.split('<').next().and_then(|number| number.parse::<f64>().ok()).expect("a number")
+        };
+        let peak = truths.iter().map(|truth| truth.peak_wrench[1].abs()).fold(0.0, f64::max);
+        let at_samples = cell("of that at the instants of samples, as drawn, |f_y| in N");
+        assert!(
+            (cell("peak true |f_y| in N") - peak).abs() < 0.06 && at_samples < peak + 0.06,
+            "{at_samples} of {peak} N"
+        );
 
         read_with_python(&whole, true);
     });
@@ -155,7 +167,7 @@ fn orders_and_a_new_configuration_are_replayed_too() {
         let attached = |record: &Record<'_>| matches!(record, Record::Attachment { .. });
         assert_eq!(mcap_records(&file).iter().filter(|record| attached(record)).count(), 2, "both configurations");
         for kind in [RecordKind::Reset, RecordKind::Stop, RecordKind::Replaced] {
-            let kind = format!("\"kind\":{},", kind.code());
+            let kind = format!("\"kind\":\"{kind}\",");
             let is_one = |record: &Record<'_>| match record {
                 Record::Message { data, .. } => String::from_utf8_lossy(data).contains(&kind),
                 _ => false,

@@ -34,9 +34,11 @@ try:
                 assert schemas[channel.schema_id].encoding == "jsonschema" and schema["type"] == "object"
                 for name, field in schema["properties"].items():
                     # All that Foxglove takes.
-                    assert field["type"] in ("number", "integer", "array"), name
+                    assert field["type"] in ("number", "integer", "string", "array"), name
                     assert field["type"] != "array" or field["items"]["type"] in ("number", "integer"), name
                 assert set(message) == set(schema["required"]) == set(schema["properties"]), channel.topic
+                if channel.topic == "/command":
+                    assert message["mode"] in ("Idle", "Free", "Contact", "Stopping", "Stopped"), message["mode"]
                 counts[channel.topic] += 1
             elif isinstance(record, Attachment):
                 attachments.append((record.name, record.data.decode()))

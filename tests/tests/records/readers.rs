@@ -1,12 +1,25 @@
 //! Other readers while the daemon runs: a subscriber, and `admittancectl top`.
 
+use std::process::Command;
+
 use end_to_end::session::{
     MPC_PAPER, PAPER_SCENARIO, PATIENT, ctl_command, output, run_plant, start_daemon, with_keys, write,
 };
-use end_to_end::{Child, PATIENCE, PrivateIpc, screen, undisturbed};
+use end_to_end::{Child, PATIENCE, PrivateIpc, binaries, screen, undisturbed};
 use ipc_types::services::{self, Access};
 
 use crate::{paper_scenario, patient_default};
+
+/// Holds `status --json` to `status --schema`.
+fn has_the_keys_of_its_schema(status: &serde_json::Value) {
+    let (code, schema) = output(Command::new(&binaries().admittancectl).args(["status", "--schema"]));
+    let schema: serde_json::Value = serde_json::from_str(&schema).expect("one JSON object");
+    assert_eq!((code, &schema["properties"]["version"]["const"]), (Some(0), &status["version"]));
+    let keys = status.as_object().expect("an object");
+    assert!(keys.keys().all(|key| schema["properties"].get(key).is_some()), "{status}");
+    let required = schema["required"].as_array().expect("a list");
+    assert!(required.iter().all(|key| keys.contains_key(key.as_str().expect("a name"))), "{status}");
+}
 
 #[test]
 fn a_subscriber_that_never_reads_does_not_disturb_the_daemon() {
@@ -34,17 +47,18 @@ fn a_subscriber_that_never_reads_does_not_disturb_the_daemon() {
         let (code, status) = output(ctl_command(&ipc, "status", &config).arg("--json"));
         assert_eq!(code, Some(0), "{status}");
         let status: serde_json::Value = serde_json::from_str(&status).expect("one JSON object");
-        let diagnostics = &status["diagnostics"];
-        assert_eq!(
-            (&diagnostics["records_dropped"], &diagnostics["fallback_count"]),
-            (&0.into(), &0.into()),
-            "{status}"
-        );
+        assert_eq!((&status["version"], &status["verdict"]), (&1.into(), &"None".into()), "{status}");
+        assert!(status.get("verdict_axis").is_none(), "of no verdict: {status}");
+        assert_eq!((&status["records_dropped"], &status["fallback_count"]), (&0.into(), &0.into()), "{status}");
         // The daemon has seen every sample that the plant has published, except those missed on a
         // busy machine.
-        let answered =
-            diagnostics["cycles"].as_u64().expect("a number") + diagnostics["missed_count"].as_u64().expect("a number");
+        let number = |key: &str| status[key].as_u64().expect("a number");
+        let answered = number("cycles") + number("missed_count");
         assert!(answered + 20 > truths.len() as u64, "{answered} of {}: {status}", truths.len());
+        // The daemon has been silent before and after: no silence is a sample.
+        assert!(number("cycles") <= truths.len() as u64 + 1, "{status}");
+        assert_eq!(number("rejected_count"), 0, "{status}");
+        has_the_keys_of_its_schema(&status);
 
         let mut sequences = Vec::new();
         while let Ok(Some(record)) = records.receive() {
@@ -76,11 +90,12 @@ fn top_shows_mode_and_force_and_gives_the_terminal_back() {
             assert!(screen(top).1, "a screen of its own");
         }
         assert!(!terminal.echoes(), "keys are not shown");
-        let mut seen = None;
+        let (mut seen, mut status) = (None, String::new());
         run_plant(&ipc, &paper_scenario(&ipc), |truth| {
             if truth.scenario_time_s > 1.0 && seen.is_none() {
                 let (text, _) = screen(&top);
                 seen = Some(text).filter(|text| text.contains("Contact  feasible"));
+                status = output(ctl_command(&ipc, "status", &config).arg("--json")).1;
             }
         });
         let seen = seen.expect("the contact was seen");
@@ -90,11 +105,29 @@ fn top_shows_mode_and_force_and_gives_the_terminal_back() {
             seen.lines().find(|line| line.contains("*y ") && line.contains("of 200.0 N")).expect("axis y in contact");
         let force = line.split("*y ").nth(1).and_then(|rest| rest.split_whitespace().next()).expect("a number");
         assert!((-200.0..-5.0).contains(&force.parse::<f64>().expect("a number")), "{line}");
-        for text in ["N to spare on", "answer, last second", "p99.9", "records dropped 0", "s  Free", "s  Idle"] {
+        for text in [
+            "velocity offset (* in contact)",
+            " m/s",
+            " s ago, ",
+            "the last one 0.",
+            "N to spare on",
+            "answer, last second",
+            "p99.9",
+            "records dropped 0",
+            "s  Free",
+            "s  Idle",
+        ] {
             assert!(seen.contains(text), "{text:?} is missing in\n{seen}");
         }
         let fallbacks = seen.split("fallback ").nth(1).and_then(|rest| rest.split_whitespace().next());
         assert!(fallbacks.is_some_and(|number| number.parse::<u64>().is_ok()), "{seen}");
+
+        let status: serde_json::Value = serde_json::from_str(&status).expect("one JSON object");
+        assert_eq!((&status["verdict"], &status["active_axes"]), (&"Feasible".into(), &serde_json::json!(["x", "y"])));
+        assert!(["x", "y"].contains(&status["verdict_axis"].as_str().expect("with a verdict")), "{status}");
+        has_the_keys_of_its_schema(&status);
+        // The plant has ended: what is shown of the force is as old as its last sample.
+        top.wait_until("old forces", PATIENCE, |top| screen(top).0.contains("forces are as old"));
 
         terminal.keys("q");
         assert_eq!(top.wait_for_exit(PATIENCE).code(), Some(0), "{}", top.report());

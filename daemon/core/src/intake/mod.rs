@@ -99,16 +99,14 @@ impl<const N: usize, const D: usize> Intake<N, D> {
     /// Why there is no sample that the law may use.
     pub(crate) fn take(&mut self, event: Event<'_, N, D>, now: Instant) -> Result<&Accepted<N, D>, SampleFault> {
         let checked = match event {
-            Event::Sample(sample) => self.check(sample, now),
+            Event::Sample(sample) => {
+                let checked = self.check(sample, now);
+                self.rejected += u64::from(checked.is_err());
+                checked
+            }
             Event::Silence => Err(SampleFault::Silence),
         };
-        match checked {
-            Ok(accepted) => Ok(self.last.insert(accepted)),
-            Err(fault) => {
-                self.rejected += 1;
-                Err(fault)
-            }
-        }
+        checked.map(|accepted| &*self.last.insert(accepted))
     }
 
     fn check(&mut self, sample: &Sample<N, D>, now: Instant) -> Result<Accepted<N, D>, SampleFault> {
@@ -158,7 +156,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         self.track = PositionTrack::new();
     }
 
-    /// Samples that did not reach the law, and silences.
+    /// Samples that did not reach the law.
     pub(crate) fn rejected(&self) -> u64 {
         self.rejected
     }

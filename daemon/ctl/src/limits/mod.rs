@@ -19,18 +19,22 @@ pub(crate) use search::{Found, highest_safe};
 use table::{Limits, Recommended};
 
 /// Factors of the configured stiffness, and cycle times in s, that are looked at unless others are
-/// given.
-const STIFFNESS_FACTORS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
-const SAMPLING_TIMES_S: [f64; 5] = [0.004, 0.002, 0.001, 0.0005, 0.00025];
+/// given: those that soon have an answer, and all.
+const STIFFNESS_FACTORS: [f64; 3] = [0.3, 1.0, 3.0];
+const SAMPLING_TIMES_S: [f64; 3] = [0.004, 0.002, 0.001];
+const ALL_STIFFNESS_FACTORS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
+const ALL_SAMPLING_TIMES_S: [f64; 5] = [0.004, 0.002, 0.001, 0.0005, 0.00025];
 /// Random worlds in which the recommended speed is safe, and where they come from.
 const WORLDS: u64 = 100;
 const WORLDS_SEED: u64 = 1;
+/// About so many cells take as long as the recommended speed.
+const RECOMMENDED_WEIGHT: f64 = 6.0;
 /// What the configuration's keys accept.
 const ACCEPTED_STIFFNESS_N_M: (f64, f64) = (100.0, 1e8);
 const ACCEPTED_SAMPLING_TIME_S: (f64, f64) = (0.0001, 0.1);
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  admittancectl limits deploy/demo/mpc-default.toml --figure limits.svg\n  \
+#[command(after_help = "Examples:\n  admittancectl limits deploy/demo/mpc-default.toml --all --figure limits.svg\n  \
     admittancectl limits deploy/robots/six-joint.toml --joints 0.3,1.2,-1.8,2.2,1.57,0.3 --sampling-time-s 0.004,0.001\n\n\
     Safe: at every instant of contact within a cycle that was tried, the true force stays within the force limit + 0.5 N on \
     every admittance axis, the contact is not lost, and the controller neither stops nor refuses a sample. The simulated \
@@ -49,13 +53,16 @@ pub(crate) struct Args {
     /// when absent.
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true)]
     direction: Option<Vec<f64>>,
-    /// Stiffnesses in N/m, believed and true, 8 at most; 0.1, 0.3, 1, 3 and 10 times the configured
-    /// one when absent.
+    /// Stiffnesses in N/m, believed and true, 8 at most; 0.3, 1 and 3 times the configured one when
+    /// absent.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     stiffness_n_m: Option<Vec<f64>>,
-    /// Cycle times in s; 4, 2, 1, 0.5 and 0.25 ms and the configured one when absent.
+    /// Cycle times in s; 4, 2 and 1 ms and the configured one when absent.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     sampling_time_s: Option<Vec<f64>>,
+    /// Also 0.1 and 10 times the stiffness, 0.5 and 0.25 ms: takes minutes.
+    #[arg(long)]
+    all: bool,
     /// Instants of contact within a cycle, evenly spread, that a safe speed has to be safe at.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
     instants: u32,
@@ -95,7 +102,10 @@ impl Question {
         let own = config.control.sampling_time_s;
         let mut sampling_times_s = match &args.sampling_time_s {
             Some(list) => accepted("--sampling-time-s", list, ACCEPTED_SAMPLING_TIME_S, "s", 32)?,
-            None => SAMPLING_TIMES_S.into_iter().chain([own]).collect(),
+            None => {
+                let usual = if args.all { &ALL_SAMPLING_TIMES_S[..] } else { &SAMPLING_TIMES_S };
+                usual.iter().copied().chain([own]).collect()
+            }
         };
         // Time passes in whole nanoseconds.
         sampling_times_s.iter_mut().filter(|time| **time != own).for_each(|time| *time = (*time * 1e9).round() / 1e9);
@@ -104,8 +114,8 @@ impl Question {
         let mut stiffnesses_n_m = match &args.stiffness_n_m {
             // At most as many as the figure has colours.
             Some(list) => accepted("--stiffness-n-m", list, ACCEPTED_STIFFNESS_N_M, "N/m", figure::LOOKS.len())?,
-            None => STIFFNESS_FACTORS
-                .into_iter()
+            None => (if args.all { &ALL_STIFFNESS_FACTORS[..] } else { &STIFFNESS_FACTORS })
+                .iter()
                 .map(|factor| search::round_to_digits(factor * config.environment.normal_stiffness_n_m, 6))
                 .filter(|stiffness| (ACCEPTED_STIFFNESS_N_M.0..=ACCEPTED_STIFFNESS_N_M.1).contains(stiffness))
                 .collect(),
@@ -217,18 +227,24 @@ fn limits(path: &Path, config: &Config, question: &Question, threads: usize) -> 
         .rev()
         .flat_map(|time| stiffnesses_n_m.iter().map(move |stiffness| (*time, *stiffness)))
         .collect();
-    // One more piece: the cell as configured, in worlds that nobody told.
-    let mut found = parallel::map(pairs.len() as u64 + 1, threads, "cells", |index| {
-        Ok(match pairs.get(index as usize) {
+    // One more piece, the longest: the cell as configured, in worlds that nobody told.
+    let pair = |index: u64| index.checked_sub(1).and_then(|index| pairs.get(index as usize));
+    let cycles = |time: f64, pieces: f64| (pieces * SAMPLING_TIMES_S[0] / time).ceil() as u64;
+    let weight = |index: u64| match pair(index) {
+        Some((time, _)) => cycles(*time, 1.0),
+        None => cycles(config.control.sampling_time_s, RECOMMENDED_WEIGHT),
+    };
+    let mut found = parallel::map_weighted(pairs.len() as u64 + 1, threads, "cells", weight, |index| {
+        Ok(match pair(index) {
             Some((time, stiffness)) => Piece::Cell(cell::cell(config, approach, *time, *stiffness, *instants)?),
             None => Piece::Recommended(recommended(config, approach, *instants)?),
         })
     })?;
-    let recommended = match found.pop() {
-        Some(Piece::Recommended(recommended)) => recommended,
-        _ => return Err("the recommended speed was not computed".to_owned()),
+    let cells = found.split_off(1);
+    let Some(Piece::Recommended(recommended)) = found.pop() else {
+        return Err("the recommended speed was not computed".to_owned());
     };
-    let cells = found.into_iter().filter_map(|piece| match piece {
+    let cells = cells.into_iter().filter_map(|piece| match piece {
         Piece::Cell(cell) => Some(cell),
         Piece::Recommended(_) => None,
     });
@@ -264,11 +280,14 @@ mod tests {
     fn defaults_lie_around_the_configuration() {
         let mut config = planar();
         let question = Question::new(&args(&[]), &config).unwrap();
-        assert_eq!(question.stiffnesses_n_m, [1e4, 3e4, 1e5, 3e5, 1e6]);
+        assert_eq!(question.stiffnesses_n_m, [3e4, 1e5, 3e5]);
         assert_eq!(question.sampling_times_s, SAMPLING_TIMES_S);
+        let question = Question::new(&args(&["--all"]), &config).unwrap();
+        assert_eq!(question.stiffnesses_n_m, [1e4, 3e4, 1e5, 3e5, 1e6]);
+        assert_eq!(question.sampling_times_s, ALL_SAMPLING_TIMES_S);
         config.control.sampling_time_s = 0.003;
         config.environment.normal_stiffness_n_m = 5e7;
-        let question = Question::new(&args(&[]), &config).unwrap();
+        let question = Question::new(&args(&["--all"]), &config).unwrap();
         assert_eq!(question.sampling_times_s, [0.004, 0.003, 0.002, 0.001, 0.0005, 0.00025]);
         assert_eq!(question.stiffnesses_n_m, [5e6, 1.5e7, 5e7]);
     }

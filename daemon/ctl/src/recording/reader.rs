@@ -1,27 +1,27 @@
-//! Reading a recording, also one that breaks off.
+//! Reading a recording, also one that breaks off or is damaged.
 
 use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::Read as _;
 use std::path::Path;
 
 use ipc_types::layout::WireType as _;
-use ipc_types::{CommandSample, RecordSample, StateSample, TruthSample};
-use mcap::McapError;
-use mcap::read::{ChunkFlattener, LinearReader, Options};
-use mcap::records::Record;
+use ipc_types::{CommandSample, RecordKind, RecordSample, StateSample, TruthSample};
+use mcap::records::op;
 use serde_json::Value;
 
-use super::{
-    COMMAND, COMMAND_FIELD, CYCLE, METADATA, PRESENT_RECORD_VERSION, RECORD_VERSION, STATE, STATE_FIELD, TRUTH,
-    configuration_sequence,
-};
+use super::chunk::{Chunk, Message, channel};
+use super::fields::record;
+use super::scan::{Contents, Damage, scan};
+use super::{COMMAND, COMMAND_FIELD, CYCLE, PRESENT_RECORD_VERSION, RECORD_VERSION, STATE, STATE_FIELD, TOPICS, TRUTH};
 use crate::Exit;
 
 /// A recording.
 pub struct Recording {
     name: String,
     bytes: Vec<u8>,
-    configurations: BTreeMap<u64, String>,
-    metadata: BTreeMap<String, String>,
+    contents: Contents,
+    record_version: u32,
 }
 
 /// What a recording holds, in the order in which it was written.
@@ -36,102 +36,220 @@ impl Recording {
     /// Reads a file.
     ///
     /// # Errors
-    /// 66 when it cannot be read, 65 when it is no recording.
+    /// 66 when it cannot be read, 65 when it is no recording, or a damaged one.
     pub fn open(path: &Path) -> Result<Self, (Exit, String)> {
-        let bytes = std::fs::read(path).map_err(|error| (Exit::NoInput, format!("{}: {error}", path.display())))?;
+        let recording = Self::recover(path)?;
+        recording.refuse_damage()
+    }
+
+    /// Reads a file of which some bytes may not be as they were written; see [`Self::damages`].
+    ///
+    /// # Errors
+    /// 66 when it cannot be read, 65 when it is no recording.
+    pub fn recover(path: &Path) -> Result<Self, (Exit, String)> {
+        let unreadable = |why: String| (Exit::NoInput, format!("{}: {why}", path.display()));
+        let is_file = std::fs::metadata(path).map_err(|error| unreadable(error.to_string()))?.is_file();
+        if !is_file {
+            return Err(unreadable("not a regular file".to_owned()));
+        }
+        let mut bytes = Vec::new();
+        let read = File::open(path).and_then(|mut file| file.read_to_end(&mut bytes));
+        read.map_err(|error| unreadable(error.to_string()))?;
         Self::from_bytes(bytes, &path.display().to_string())
     }
 
-    /// A recording from memory; `name` is for messages.
-    pub(super) fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<Self, (Exit, String)> {
-        let malformed =
-            |why: String| (Exit::DataError, format!("{name}: {why}; accepted: what admittancectl record wrote"));
-        if !bytes.starts_with(mcap::MAGIC) {
-            return Err(malformed("not an MCAP file".to_owned()));
+    /// A recording from memory, damaged or not; `name` is for messages.
+    ///
+    /// # Errors
+    /// 65 when it is no recording.
+    pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<Self, (Exit, String)> {
+        let foreign =
+            |why: &str| (Exit::DataError, format!("{name}: {why}; accepted: what admittancectl record wrote"));
+        let contents = scan(&bytes);
+        if contents.metadata.is_empty() && contents.configurations.is_empty() {
+            let is_mcap = bytes.starts_with(mcap::MAGIC);
+            return Err(foreign(if is_mcap { "an MCAP file of another program" } else { "not an MCAP file" }));
         }
-        let (mut configurations, mut metadata) = (BTreeMap::new(), BTreeMap::new());
-        // A chunk that is not complete ends the file; what comes before it counts.
-        let records = LinearReader::new_with_options(&bytes, Options::IgnoreEndMagic.into())
-            .map_err(|error| malformed(error.to_string()))?;
-        for record in records.map_while(Result::ok) {
-            match record {
-                Record::Metadata(found) if found.name == METADATA => metadata = found.metadata,
-                Record::Attachment { header, data, .. } => {
-                    if let Some(sequence) = configuration_sequence(&header.name) {
-                        configurations.insert(sequence, String::from_utf8_lossy(&data).into_owned());
-                    }
-                }
-                _ => {}
-            }
-        }
-        if metadata.is_empty() {
-            return Err(malformed("an MCAP file of another program".to_owned()));
-        }
-        Ok(Self { name: name.to_owned(), bytes, configurations, metadata })
+        let mut recording = Self { name: name.to_owned(), bytes, contents, record_version: PRESENT_RECORD_VERSION };
+        recording.find_record_version();
+        Ok(recording)
+    }
+
+    /// The same when nothing of it is damaged.
+    ///
+    /// # Errors
+    /// 65, with the first damage.
+    pub fn refuse_damage(self) -> Result<Self, (Exit, String)> {
+        let [first, more @ ..] = self.damages() else { return Ok(self) };
+        let more = if more.is_empty() { String::new() } else { format!(", and so are {} more parts", more.len()) };
+        let text = format!("{}: {first}{more}; --recover goes on with what is whole", self.name);
+        Err((Exit::DataError, text))
+    }
+
+    /// What is not as it was written, and is therefore left out.
+    pub fn damages(&self) -> &[Damage] {
+        &self.contents.damages
     }
 
     /// Configuration texts by the sequence of the record from which on they hold; 0 is from the
     /// first.
     pub fn configurations(&self) -> &BTreeMap<u64, String> {
-        &self.configurations
+        &self.contents.configurations
     }
 
     /// Version, schema version, instance, and the offset of log times.
     pub fn metadata(&self) -> &BTreeMap<String, String> {
-        &self.metadata
+        &self.contents.metadata
     }
 
     /// The version of its records; fields that were added later are zero.
     pub fn record_version(&self) -> u32 {
-        self.metadata.get(RECORD_VERSION).map_or(1, |version| version.parse().unwrap_or(PRESENT_RECORD_VERSION))
+        self.record_version
+    }
+
+    /// The version that the metadata tells, held against the first record: metadata of earlier
+    /// versions have no checksum.
+    fn find_record_version(&mut self) {
+        let told = self.metadata().get(RECORD_VERSION).map_or(Some(1), |version| version.parse().ok());
+        let shown = self.items().first_cycle().map(|cycle| version_of(&cycle));
+        self.record_version = match (told, shown) {
+            // A later version's record has what the present one has, and more.
+            (Some(told), Some(PRESENT_RECORD_VERSION)) if told > PRESENT_RECORD_VERSION => told,
+            (told, Some(shown)) => {
+                if told != Some(shown) && !self.metadata().is_empty() {
+                    let bytes = self.contents.metadata_at.clone();
+                    let what = "the metadata: the version of the records is not theirs";
+                    self.contents.damages.push(Damage { bytes, what });
+                }
+                shown
+            }
+            (told, None) => told.unwrap_or(PRESENT_RECORD_VERSION),
+        };
+    }
+
+    #[cfg(test)]
+    pub(super) fn contents_of_chunks(&self) -> Vec<std::ops::Range<usize>> {
+        self.contents.chunks.clone()
     }
 
     /// Everything in it, in order. A file that breaks off simply ends.
     pub fn items(&self) -> Items<'_> {
-        let records = ChunkFlattener::new_with_options(&self.bytes, Options::IgnoreEndMagic.into()).ok();
         Items {
-            name: &self.name,
-            is_complete_record: self.record_version() >= PRESENT_RECORD_VERSION,
-            records,
-            topics: HashMap::new(),
+            recording: self,
+            chunks: self.contents.chunks.iter(),
+            chunk_end: 0,
+            unpacked: Vec::new(),
+            at: 0,
+            topics: TOPICS.into_iter().map(str::to_owned).zip(1..).map(|(topic, id)| (id, topic)).collect(),
             state: None,
             command: None,
-            complete: false,
             messages: 0,
+            last: None,
+            is_cut: false,
         }
+    }
+}
+
+/// The version of records whose messages on /cycle look like this.
+fn version_of(cycle: &Value) -> u32 {
+    let has = |field: &str| cycle.get(field).is_some();
+    match () {
+        () if has("wrench_without_lag") => {
+            if cycle["kind"].is_string() {
+                4
+            } else {
+                3
+            }
+        }
+        () if has("belief_uncertainty_n") => 2,
+        () => 1,
     }
 }
 
 /// See [`Recording::items`].
 pub struct Items<'a> {
-    name: &'a str,
-    /// Whether records have all fields of today's.
-    is_complete_record: bool,
-    records: Option<ChunkFlattener<'a>>,
+    recording: &'a Recording,
+    /// Those that are left.
+    chunks: std::slice::Iter<'a, std::ops::Range<usize>>,
+    /// Where the chunk under way ends in the file; its records, and where the next one begins.
+    chunk_end: usize,
+    unpacked: Vec<u8>,
+    at: usize,
     topics: HashMap<u16, String>,
     /// Messages of the record under way, with their sequence.
     state: Option<(u32, StateSample)>,
     command: Option<(u32, CommandSample)>,
-    complete: bool,
     messages: u64,
+    /// Sequence of the last record.
+    last: Option<u32>,
+    /// Whether part of the next record may be among what is damaged.
+    is_cut: bool,
+}
+
+/// A message on one of the channels.
+struct Found {
+    topic: String,
+    sequence: u32,
+    value: Value,
 }
 
 impl Items<'_> {
-    /// After the last item: whether the recording was ended in order.
+    /// Whether the recording was ended in order.
     pub fn is_complete(&self) -> bool {
-        self.complete
+        self.recording.contents.complete
+    }
+
+    /// The first message on /cycle.
+    fn first_cycle(mut self) -> Option<Value> {
+        loop {
+            match self.message()? {
+                Ok(Found { topic, value, .. }) if topic == CYCLE => return Some(value),
+                Ok(_) => {}
+                Err(_) => return None,
+            }
+        }
+    }
+
+    fn next_chunk(&mut self) -> Option<()> {
+        let Recording { bytes, contents, .. } = self.recording;
+        let (before, body) = (self.chunk_end, self.chunks.next()?);
+        let is_between = |damage: &Damage| before <= damage.bytes.start && damage.bytes.end <= body.start;
+        self.is_cut |= contents.damages.iter().any(is_between);
+        // Each has been unpacked before.
+        self.unpacked = Chunk::read(&bytes[body.clone()])?.unpack().ok()?;
+        (self.at, self.chunk_end) = (0, body.end);
+        Some(())
+    }
+
+    /// The next message that is ours.
+    fn message(&mut self) -> Option<Result<Found, String>> {
+        loop {
+            let Some(found) = record(&self.unpacked, self.at) else {
+                self.next_chunk()?;
+                continue;
+            };
+            self.at = found.end;
+            if found.opcode == op::CHANNEL
+                && let Some((id, topic)) = channel(found.body)
+            {
+                self.topics.insert(id, topic.to_owned());
+            }
+            if found.opcode == op::MESSAGE
+                && let Some(Message { channel, sequence, data, .. }) = Message::read(found.body)
+            {
+                self.messages += 1;
+                let topic = self.topics.get(&channel).filter(|topic| TOPICS.contains(&topic.as_str()));
+                let Some(topic) = topic.cloned() else { continue };
+                let value = serde_json::from_slice(data).map_err(|error| format!("on {topic}: {error}"));
+                return Some(value.map(|value| Found { topic, sequence, value }));
+            }
+        }
     }
 
     /// Takes in a message; a record is complete with its last one.
-    fn message(&mut self, channel: u16, sequence: u32, data: &[u8]) -> Result<Option<Item>, String> {
-        self.messages += 1;
-        let topic = self.topics.get(&channel).map_or("", String::as_str);
-        if ![STATE, COMMAND, CYCLE, TRUTH].contains(&topic) {
-            return Ok(None);
-        }
-        let value: Value = serde_json::from_slice(data).map_err(|error| format!("on {topic}: {error}"))?;
+    fn take(&mut self, Found { topic, sequence, value }: Found) -> Result<Option<Item>, String> {
         let foreign = || format!("on {topic}: a field is missing, or of another type");
-        match topic {
+        match topic.as_str() {
             STATE => self.state = Some((sequence, StateSample::from_json(&value).ok_or_else(foreign)?)),
             COMMAND => self.command = Some((sequence, CommandSample::from_json(&value).ok_or_else(foreign)?)),
             TRUTH => return Ok(Some(Item::Truth(Box::new(TruthSample::from_json(&value).ok_or_else(foreign)?)))),
@@ -140,7 +258,7 @@ impl Items<'_> {
                 let object = value.as_object_mut().ok_or_else(foreign)?;
                 object.insert(STATE_FIELD.to_owned(), StateSample::zeroed().to_json());
                 object.insert(COMMAND_FIELD.to_owned(), CommandSample::zeroed().to_json());
-                if !self.is_complete_record
+                if self.recording.record_version < PRESENT_RECORD_VERSION
                     && let Value::Object(zeroed) = RecordSample::zeroed().to_json()
                 {
                     zeroed.into_iter().for_each(|(name, value)| {
@@ -148,10 +266,16 @@ impl Items<'_> {
                     });
                 }
                 let mut record = Box::new(RecordSample::from_json(&value).ok_or_else(foreign)?);
-                let is_its = |of: u32| of == sequence;
-                record.state = self.state.take().filter(|(of, _)| is_its(*of)).map_or(record.state, |(_, state)| state);
-                record.command =
-                    self.command.take().filter(|(of, _)| is_its(*of)).map_or(record.command, |(_, command)| command);
+                let state = self.state.take().filter(|(of, _)| *of == sequence).map(|(_, state)| state);
+                let command = self.command.take().filter(|(of, _)| *of == sequence).map(|(_, command)| command);
+                let follows = self.last.replace(sequence).is_some_and(|last| last.wrapping_add(1) == sequence);
+                let is_sample = record.kind == RecordKind::Sample.code();
+                let is_part = (is_sample && state.is_none()) || (!follows && state.is_none() && command.is_none());
+                if std::mem::take(&mut self.is_cut) && is_part {
+                    return Ok(None);
+                }
+                record.state = state.unwrap_or(record.state);
+                record.command = command.unwrap_or(record.command);
                 return Ok(Some(Item::Record(record)));
             }
         }
@@ -164,33 +288,13 @@ impl Iterator for Items<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            match self.records.as_mut()?.next() {
-                Some(Ok(Record::Channel(channel))) => {
-                    self.topics.insert(channel.id, channel.topic);
-                }
-                Some(Ok(Record::Message { header, data })) => {
-                    match self.message(header.channel_id, header.sequence, &data) {
-                        Ok(None) => {}
-                        Ok(Some(item)) => return Some(Ok(item)),
-                        Err(why) => {
-                            self.records = None;
-                            return Some(Err((
-                                Exit::DataError,
-                                format!("{}: message {} {why}", self.name, self.messages),
-                            )));
-                        }
-                    }
-                }
-                Some(Ok(Record::Footer(_))) => self.complete = true,
-                Some(Ok(_)) => {}
-                // Its recorder was killed, or the disk was full.
-                Some(Err(McapError::UnexpectedEof | McapError::UnexpectedEoc)) | None => {
-                    self.records = None;
-                    return None;
-                }
-                Some(Err(error)) => {
-                    self.records = None;
-                    return Some(Err((Exit::DataError, format!("{}: {error}", self.name))));
+            match self.message()?.and_then(|found| self.take(found)) {
+                Ok(Some(item)) => return Some(Ok(item)),
+                Ok(None) => {}
+                Err(why) => {
+                    (self.chunks, self.unpacked) = ([].iter(), Vec::new());
+                    let text = format!("{}: message {} {why}", self.recording.name, self.messages);
+                    return Some(Err((Exit::DataError, text)));
                 }
             }
         }

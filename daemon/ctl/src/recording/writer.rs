@@ -14,7 +14,7 @@ use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 use serde_json::Value;
 
 use super::{
-    COMMAND, COMMAND_FIELD, CYCLE, METADATA, PRESENT_RECORD_VERSION, RECORD_VERSION, STATE, STATE_FIELD, TRUTH,
+    CHECKSUM, COMMAND_FIELD, METADATA, PRESENT_RECORD_VERSION, RECORD_VERSION, STATE_FIELD, TOPICS, checksum,
     configuration_name,
 };
 
@@ -54,10 +54,9 @@ impl<W: Write> RecordingWriter<W> {
             ("instance", instance.to_owned()),
             ("calendar_offset_ns", calendar_offset.to_string()),
         ];
-        writer.write_metadata(&Metadata {
-            name: METADATA.to_owned(),
-            metadata: metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
-        })?;
+        let mut metadata: BTreeMap<_, _> = metadata.map(|(key, value)| (key.to_owned(), value)).into();
+        metadata.insert(CHECKSUM.to_owned(), checksum(&metadata));
+        writer.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;
         let mut channel = |topic: &str, name: &str, schema: &Value| {
             let schema = writer.add_schema(name, "jsonschema", schema.to_string().as_bytes())?;
             writer.add_channel(schema, topic, "json", &BTreeMap::new())
@@ -69,11 +68,12 @@ impl<W: Write> RecordingWriter<W> {
         if let Some(required) = cycle["required"].as_array_mut() {
             required.retain(|name| name != STATE_FIELD && name != COMMAND_FIELD);
         }
+        let [state, command, of_cycle, truth] = TOPICS;
         let mut recording = Self {
-            state: channel(STATE, StateSample::INFO.name, &json_schema(&StateSample::INFO))?,
-            command: channel(COMMAND, CommandSample::INFO.name, &json_schema(&CommandSample::INFO))?,
-            cycle: channel(CYCLE, RecordSample::INFO.name, &cycle)?,
-            truth: channel(TRUTH, TruthSample::INFO.name, &json_schema(&TruthSample::INFO))?,
+            state: channel(state, StateSample::INFO.name, &json_schema(&StateSample::INFO))?,
+            command: channel(command, CommandSample::INFO.name, &json_schema(&CommandSample::INFO))?,
+            cycle: channel(of_cycle, RecordSample::INFO.name, &cycle)?,
+            truth: channel(truth, TruthSample::INFO.name, &json_schema(&TruthSample::INFO))?,
             calendar_offset,
             writer,
         };
@@ -104,6 +104,22 @@ impl<W: Write> RecordingWriter<W> {
         if record.command.state_sequence > 0 {
             self.message(self.command, sequence, at, record.command.stamp_ns, &record.command.to_json())?;
         }
+        self.rest(record)
+    }
+
+    /// The same with the end of a chunk before its last message.
+    #[cfg(test)]
+    pub(super) fn record_in_two_chunks(&mut self, record: &RecordSample) -> Result<(), McapError> {
+        let (sequence, at) = (record.sequence, record.now_ns);
+        self.message(self.state, sequence, at, record.state.stamp_ns, &record.state.to_json())?;
+        self.message(self.command, sequence, at, record.command.stamp_ns, &record.command.to_json())?;
+        self.flush()?;
+        self.rest(record)
+    }
+
+    /// Adds what is on no channel of its own.
+    fn rest(&mut self, record: &RecordSample) -> Result<(), McapError> {
+        let (sequence, at) = (record.sequence, record.now_ns);
         // Not of the whole record, which would be turned into JSON twice.
         let rest = RecordSample { state: StateSample::zeroed(), command: CommandSample::zeroed(), ..*record };
         let mut rest = rest.to_json();

@@ -12,19 +12,19 @@ use admittance_host::config;
 use admittance_runner::config::Config;
 
 use crate::Exit;
-use crate::recording::{Item, Recording};
+use crate::recording::{Item, Source};
 use session::{RUN_IN, Session};
 
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "A recording that begins after the daemon did is compared from the first 128 cycles in a row in free motion on, which \
     bring a fresh controller to the same state; after a gap in the records likewise.\n\nExit codes: 0 bit-identical, 1 a cycle \
-    differs, 64 usage, 65 no recording, or nothing in it can be compared, 66 no such file, 78 configuration.\n\nExamples:\n  \
+    differs, 64 usage, 65 no recording, a damaged one, or nothing in it can be compared, 66 no such file, 78 configuration.\n\nExamples:\n  \
     admittancectl replay contact.mcap\n  admittancectl replay contact.mcap --config cell-changed.toml"
 )]
 pub(crate) struct Args {
-    /// What admittancectl record wrote.
-    file: PathBuf,
+    #[command(flatten)]
+    source: Source,
     /// Replay with this configuration in place of the recorded one: the first cycle that differs
     /// then shows what it changes.
     #[arg(long)]
@@ -32,15 +32,16 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
-    let recording = Recording::open(&args.file)?;
-    let text = match &args.config {
-        Some(path) => {
-            std::fs::read_to_string(path).map_err(|error| (Exit::NoInput, format!("{}: {error}", path.display())))?
-        }
-        None => recording.configurations().get(&0).cloned().ok_or_else(|| {
-            (Exit::DataError, format!("{}: no configuration in it: give one with --config", args.file.display()))
-        })?,
-    };
+    let recording = args.source.open()?;
+    let file = args.source.file.display();
+    let text =
+        match &args.config {
+            Some(path) => std::fs::read_to_string(path)
+                .map_err(|error| (Exit::NoInput, format!("{}: {error}", path.display())))?,
+            None => recording.configurations().get(&0).cloned().ok_or_else(|| {
+                (Exit::DataError, format!("{}: no configuration in it: give one with --config", file))
+            })?,
+        };
     let name = args.config.as_ref().map_or("the recorded configuration".into(), |path| path.display().to_string());
     let config: Config = config::parse(&text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
     let mut session = Session::new(config, recording.configurations(), recording.record_version())?;
@@ -73,7 +74,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
             format!(
                 "{}: no cycle can be compared: the recording has neither the daemon's first records nor {RUN_IN} cycles in a row \
                  in free motion to find the controller's state from",
-                args.file.display()
+                file
             ),
         ));
     }

@@ -42,6 +42,12 @@ pub(crate) struct Session<'a> {
     command: CommandSample,
     /// By how much the recorded counters were ahead when comparing began.
     ahead: Option<Counts>,
+    /// Silences since then.
+    silences: u64,
+    /// Whether the samples over which the rate is judged may be others than the recorded ones.
+    is_rate_unknown: bool,
+    /// Run of the motion controller that the last sample was of.
+    controller_run: Option<u64>,
     last: Option<(u64, u64)>,
     first: Option<Instant>,
     compared: u64,
@@ -64,6 +70,9 @@ impl<'a> Session<'a> {
             state: State::Searching,
             command: CommandSample::zeroed(),
             ahead: None,
+            silences: 0,
+            is_rate_unknown: false,
+            controller_run: None,
             last: None,
             first: None,
             compared: 0,
@@ -159,6 +168,7 @@ impl<'a> Session<'a> {
             }
             let cycle = cycle::build(&config).map_err(|why| (Exit::Config, why))?;
             self.begin(cycle, record, "the controller was fresh");
+            self.is_rate_unknown = false;
         } else if is_free(record, kind) {
             // What requests have changed since the file was read is in every record, and free
             // motion was enabled.
@@ -179,7 +189,8 @@ impl<'a> Session<'a> {
             record.sequence,
             self.seconds(record)
         ));
-        (self.ahead, self.state) = (None, State::Comparing(cycle));
+        (self.ahead, self.silences, self.state) = (None, 0, State::Comparing(cycle));
+        (self.is_rate_unknown, self.controller_run) = (true, None);
     }
 
     fn compare(&mut self, record: &RecordSample, kind: RecordKind) -> Result<Option<Difference>, (Exit, String)> {
@@ -201,7 +212,17 @@ impl<'a> Session<'a> {
             cycle = new;
         }
         let mut replayed = event::replay(&mut *cycle, record, kind, &mut self.command);
+        self.silences += u64::from(kind == RecordKind::Silence);
+        if kind == RecordKind::Sample {
+            // Another run is judged anew.
+            let before = self.controller_run.replace(record.state.boot_id);
+            self.is_rate_unknown &= before.is_none_or(|run| run == record.state.boot_id);
+        }
         event::copy_missing(self.record_version, &mut replayed, record);
+        if self.record_version < 4 {
+            // Silences were counted as rejected samples.
+            replayed.command.rejected_count += self.silences;
+        }
         self.state = State::Comparing(cycle);
         // Before the first sample, and for an order, there is no answer.
         let is_cycle = matches!(kind, RecordKind::Sample | RecordKind::Silence);
@@ -217,6 +238,17 @@ impl<'a> Session<'a> {
         Counts::of(&replayed).zip(ahead, u64::wrapping_add).write(&mut replayed);
         if record.same_bits(&replayed) {
             self.compared += 1;
+            return Ok(None);
+        }
+        let says_wrong = |record: &RecordSample| record.command.stop_reason == StopReason::RateMismatch.code();
+        if self.is_rate_unknown && says_wrong(record) != says_wrong(&replayed) {
+            self.state = State::Searching;
+            self.remarks.push(format!(
+                "record {} ({:.3} s): whether the samples come at a wrong rate is judged over the 100 to 200 before, counted \
+                 from where the recording did not begin: that can't be known here, and the replay begins anew",
+                record.sequence,
+                self.seconds(record)
+            ));
             return Ok(None);
         }
         Ok(Some(Difference::between(&record.to_json(), &replayed.to_json())))

@@ -14,7 +14,7 @@ use super::clip::clip;
 
 /// Canvas units per pixel of the picture.
 const FINE: u32 = 10;
-const FONT: &str = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif";
+pub(super) const FONT: &str = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif";
 /// plotters divides every size by this before it writes it.
 const FONT_FACTOR: f64 = 1.24;
 const TEXT_PX: f64 = 13.0;
@@ -89,9 +89,9 @@ pub struct Chart {
 }
 
 /// Space around the plot area of every panel, in px.
-const LEFT_PX: u32 = 72;
+pub(super) const LEFT_PX: u32 = 72;
 const BOTTOM_PX: u32 = 48;
-const MARGIN_PX: u32 = 12;
+pub(super) const MARGIN_PX: u32 = 12;
 /// Legend entries in one row.
 const LEGEND_COLUMNS: usize = 3;
 
@@ -227,7 +227,7 @@ fn text_style(color: RGBColor) -> TextStyle<'static> {
 }
 
 /// About how far apart plotters puts `labels` labels on a range: 1, 2 or 5 times a power of ten.
-fn tick_step(range: &Range<f64>, labels: u32) -> f64 {
+pub(super) fn tick_step(range: &Range<f64>, labels: u32) -> f64 {
     let least = (range.end - range.start).abs() / f64::from(labels);
     let decade = 10f64.powf(least.log10().floor());
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|n| n * decade).find(|step| *step >= least * 0.999).unwrap_or(decade)
@@ -235,7 +235,7 @@ fn tick_step(range: &Range<f64>, labels: u32) -> f64 {
 
 /// A tick label with as many decimals as its step needs, and a minus sign that is as wide as a
 /// digit.
-fn tick(value: f64, step: f64) -> String {
+pub(super) fn tick(value: f64, step: f64) -> String {
     let decimals = (-step.log10().floor()).max(0.0) as usize;
     let text = format!("{value:.decimals$}");
     let zero = !text.contains(|c: char| ('1'..='9').contains(&c));

@@ -2,10 +2,12 @@
 //! or of a recording.
 
 mod axis;
+mod changes;
 pub mod chart;
 mod clip;
 mod figures;
 mod of_recording;
+mod timeline;
 
 use std::fs;
 use std::io;
@@ -40,8 +42,11 @@ pub(crate) fn write(directory: &Path, runs: &[Run], scenario: &Scenario) -> io::
 
 /// Writes a figure of its own, and returns it for the page.
 fn write_figure(directory: &Path, number: u32, caption: &str, chart: &Chart) -> io::Result<String> {
-    let svg = chart.svg().map_err(io::Error::other)?;
-    fs::write(directory.join(format!("figure-{number}.svg")), &svg)?;
+    write_svg(directory, number, caption, &chart.svg().map_err(io::Error::other)?)
+}
+
+fn write_svg(directory: &Path, number: u32, caption: &str, svg: &str) -> io::Result<String> {
+    fs::write(directory.join(format!("figure-{number}.svg")), svg)?;
     Ok(format!("<figure>\n{svg}<figcaption>Figure {number}: {}</figcaption>\n</figure>\n", escape(caption)))
 }
 

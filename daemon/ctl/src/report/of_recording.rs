@@ -9,13 +9,14 @@ use admittance_core::quantities::{AXIS_NAMES, Instant};
 use admittance_core::with_arm;
 use admittance_host::config;
 use admittance_runner::config::Config;
-use ipc_types::{RecordKind, RecordSample, StateSample, StopReason, TruthSample};
+use ipc_types::{RecordKind, RecordSample, StateSample, TruthSample};
 
+use super::changes::Changes;
 use super::chart::{Chart, escape};
 use super::figures::{Curve, Window, over_time, paths};
-use super::{TAIL, head, table_row, write_figure};
+use super::{TAIL, head, table_row, write_figure, write_svg};
 use crate::Exit;
-use crate::recording::{Item, Recording};
+use crate::recording::{Item, Recording, Source};
 
 /// What is shown before and after the first contact, in s.
 const BEFORE_CONTACT_S: f64 = 0.01;
@@ -26,20 +27,21 @@ const ROOM: f64 = 0.08;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "The axis shown is the one whose force comes closest to its limit. With plant-sim's truth in the recording, true and \
-    measured values are drawn beside each other.\n\nExit codes: 0 written, 64 usage, 65 no recording, 66 no such file, 73 the \
+    measured values are drawn beside each other; peaks between samples are in the table alone.\n\nExit codes: 0 written, 64 usage, 65 no recording, or a damaged one, 66 no such file, 73 the \
     directory cannot be written.\n\nExample:\n  admittancectl report contact.mcap --directory contact-report"
 )]
 pub(crate) struct Args {
-    /// What admittancectl record wrote.
-    file: PathBuf,
+    #[command(flatten)]
+    source: Source,
     /// Where index.html and the figures go.
     #[arg(long, default_value = "recording-report")]
     directory: PathBuf,
 }
 
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
-    let recording = Recording::open(&args.file)?;
-    let malformed = |why: &str| (Exit::DataError, format!("{}: {why}", args.file.display()));
+    let recording = args.source.open()?;
+    let file = args.source.file.display();
+    let malformed = |why: &str| (Exit::DataError, format!("{}: {why}", file));
     let text = recording.configurations().get(&0).ok_or_else(|| malformed("no configuration in it"))?;
     let config: Config =
         config::parse(text, "the recorded configuration").map_err(|error| (Exit::Config, error.to_string()))?;
@@ -47,7 +49,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     if series.cycles == 0 {
         return Err(malformed("no cycle in it"));
     }
-    write(&args.directory, &args.file.display().to_string(), text, &config, &series).map_err(|error| {
+    write(&args.directory, &file.to_string(), text, &config, &series).map_err(|error| {
         (Exit::CantCreate, format!("the report in {} was not written: {error}", args.directory.display()))
     })?;
     eprintln!("report: {}", args.directory.join("index.html").display());
@@ -69,7 +71,9 @@ struct Series {
     truth: Vec<Point>,
     cycles: u64,
     first_contact_s: Option<f64>,
-    stop: Option<StopReason>,
+    changes: Changes,
+    /// Largest true forces, between samples too.
+    true_peak: [f64; 6],
     last: Option<Box<RecordSample>>,
     complete: bool,
 }
@@ -86,13 +90,19 @@ impl Series {
         let mut items = recording.items();
         for item in items.by_ref() {
             match item? {
-                Item::Record(record) if record.kind == RecordKind::Sample.code() => {
-                    let time_s = seconds(record.state.stamp_ns);
-                    series.add(record, time_s, config);
+                Item::Record(record) => {
+                    let is_sample = record.kind == RecordKind::Sample.code();
+                    let time_s = seconds(if is_sample { record.state.stamp_ns } else { record.now_ns });
+                    series.changes.add(&record, time_s);
+                    if is_sample {
+                        series.add(record, time_s, config);
+                    }
                 }
-                Item::Record(_) => {}
                 Item::Truth(truth) => {
                     let time_s = seconds(truth.stamp_ns);
+                    series.true_peak = std::array::from_fn(|axis| {
+                        truth.peak_wrench[axis].abs().max(truth.wrench[axis].abs()).max(series.true_peak[axis])
+                    });
                     series.truth.push(point_of_truth(&truth, time_s));
                 }
             }
@@ -106,9 +116,6 @@ impl Series {
         if record.command.active_axes != 0 {
             self.first_contact_s.get_or_insert(time_s);
         }
-        if self.stop.is_none() {
-            self.stop = StopReason::from_code(record.command.stop_reason);
-        }
         self.measured.push(Point {
             time_s,
             force: record.wrench,
@@ -116,6 +123,12 @@ impl Series {
             tcp_m: tcp_position(config, &record.state).unwrap_or([f64::NAN; 3]),
         });
         self.last = Some(record);
+    }
+
+    /// From the first instant to the last, in s.
+    fn whole(&self) -> Range<f64> {
+        let points = self.measured.iter().chain(&self.truth).map(|point| point.time_s);
+        range(points.chain(self.changes.end_s()))
     }
 
     /// The axis whose force comes closest to its limit.
@@ -148,14 +161,17 @@ fn write(directory: &Path, file: &str, text: &str, config: &Config, series: &Ser
     let mut html = head("admittanced: recording");
     html += &format!("<h1>{}</h1>\n<p>Recording {}</p>\n", escape(&config.robot.name), escape(file));
     html += &table(config, series);
-    for (number, caption, chart) in figures(config, series) {
+    let whole = series.whole();
+    html += &write_svg(directory, 1, "mode and verdict", &series.changes.timeline(&roomy_end(&whole)))?;
+    html += &series.changes.table();
+    for ((caption, chart), number) in figures(config, series, whole).into_iter().zip(2..) {
         html += &write_figure(directory, number, caption, &chart)?;
     }
     html += &format!("<h2>Configuration</h2>\n<pre>{}</pre>\n{TAIL}", escape(text));
     fs::write(directory.join("index.html"), html)
 }
 
-fn figures(config: &Config, series: &Series) -> Vec<(u32, &'static str, Chart)> {
+fn figures(config: &Config, series: &Series, whole: Range<f64>) -> Vec<(&'static str, Chart)> {
     let axis = series.axis(config);
     // Over the axis of the force the one along which the TCP goes furthest.
     let travel = |of: usize| width(&range(series.measured.iter().map(|point| point.tcp_m[of])));
@@ -180,10 +196,8 @@ fn figures(config: &Config, series: &Series) -> Vec<(u32, &'static str, Chart)> 
         let offset = range(within().map(|point| point.offset[axis]).chain([0.0]));
         Window { force: roomy(&force), offset: roomy(&offset), time }
     };
-    let whole = range(every().map(|point| point.time_s));
     let name = AXIS_NAMES[axis];
     let mut figures = vec![(
-        3,
         "contact force and velocity offset",
         over_time(&curves, name, limit, window(whole), "Contact force and velocity offset over time"),
     )];
@@ -194,9 +208,8 @@ fn figures(config: &Config, series: &Series) -> Vec<(u32, &'static str, Chart)> 
         let y = roomy(&range(near().map(|point| point.tcp_m[up])));
         let initial =
             over_time(&curves, name, limit, window(time.clone()), "Contact force and velocity offset at first contact");
-        figures.push((4, "the same, initial contact phase", initial));
+        figures.push(("the same, initial contact phase", initial));
         figures.push((
-            5,
             "TCP trajectory in the initial contact phase",
             paths(&curves, [AXIS_NAMES[along], AXIS_NAMES[up]], x, y),
         ));
@@ -225,13 +238,18 @@ fn table(config: &Config, series: &Series) -> String {
         ("fallbacks since the daemon's start".to_owned(), count(|command| command.fallback_count)),
         ("late answers since the daemon's start".to_owned(), count(|command| command.late_count)),
         ("samples missed since the daemon's start".to_owned(), count(|command| command.missed_count)),
-        ("first stop".to_owned(), series.stop.map_or("none", StopReason::name).to_owned()),
+        ("first stop".to_owned(), series.changes.first_stop()),
     ];
     if !series.truth.is_empty() {
-        rows.insert(
-            2,
-            (format!("peak true |f_{}| in {unit} at samples", AXIS_NAMES[axis]), format!("{:.1}", peak(&series.truth))),
-        );
+        let name = AXIS_NAMES[axis];
+        let of_truth = [
+            (format!("peak true |f_{name}| in {unit}"), format!("{:.1}", series.true_peak[axis])),
+            (
+                format!("of that at the instants of samples, as drawn, |f_{name}| in {unit}"),
+                format!("{:.1}", peak(&series.truth)),
+            ),
+        ];
+        rows.splice(2..2, of_truth);
     }
     if !series.complete {
         rows.push(("end".to_owned(), "breaks off: its recorder was killed, or the disk was full".to_owned()));
@@ -250,6 +268,11 @@ fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
 
 fn width(range: &Range<f64>) -> f64 {
     range.end - range.start
+}
+
+/// The range, never without width.
+fn roomy_end(range: &Range<f64>) -> Range<f64> {
+    if width(range) > 0.0 { range.clone() } else { range.start..range.start + 0.1 }
 }
 
 /// The range with room around, and never without width.

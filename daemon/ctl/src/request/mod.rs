@@ -3,6 +3,7 @@
 mod change;
 mod control;
 mod status;
+mod status_json;
 
 use std::time::Duration;
 

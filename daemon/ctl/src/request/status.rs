@@ -1,9 +1,9 @@
 //! `admittancectl status`.
 
 use admittance_core::quantities::Span;
-use ipc_types::{Law, Mode, Motion, RequestKind, ResponseSample, StopReason, Verdict};
-use serde_json::json;
+use ipc_types::{Law, RequestKind, ResponseSample};
 
+use super::status_json::{Said, schema, values};
 use super::{ask, request};
 use crate::Exit;
 use crate::diagnostics::{self, axes_text};
@@ -11,25 +11,31 @@ use crate::target::Target;
 
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  admittancectl status --instance cell-3\n  admittancectl status --config cell.toml --json"
+    after_help = "Examples:\n  admittancectl status --instance cell-3\n  admittancectl status --config cell.toml --json\n  \
+    admittancectl status --schema"
 )]
 pub(crate) struct StatusArgs {
     #[command(flatten)]
     target: Target,
-    /// One JSON object.
+    /// One JSON object, with a version; --schema says what its keys are.
     #[arg(long)]
     json: bool,
+    /// The JSON schema of what --json prints; no daemon is asked.
+    #[arg(long, conflicts_with = "json")]
+    schema: bool,
 }
 
 pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
+    if args.schema {
+        println!("{:#}", schema());
+        return Ok(Exit::Ok);
+    }
     let (node, settings, opening) = args.target.connect()?;
     let response = ask(&node, &settings, request(RequestKind::Status))?;
     let diagnostics = diagnostics::first(&diagnostics::subscribe(&node, &settings)?, &settings)?;
     drop(opening);
     if args.json {
-        let mut json = json_of(&response);
-        json["diagnostics"] = diagnostics::json_of(&diagnostics);
-        println!("{json}");
+        println!("{}", values(&Said { response: &response, diagnostics: &diagnostics }));
     } else {
         println!("{}", response.text());
         println!("wrench            {} (N, N m; robot on environment)", axes_text(&response.wrench));
@@ -81,35 +87,4 @@ fn enabled_text(response: &ResponseSample) -> &'static str {
 
 fn coordinates(values: &[f64; 3]) -> String {
     values.map(|value| format!("{value:.4}")).join(" ")
-}
-
-fn json_of(response: &ResponseSample) -> serde_json::Value {
-    json!({
-        "text": response.text(),
-        "mode": Mode::name_of(response.mode),
-        "motion": Motion::name_of(response.motion),
-        "stop_reason": StopReason::name_of(response.stop_reason),
-        "active_axes": response.active_axes,
-        "verdict": Verdict::name_of(response.verdict),
-        "verdict_margin": response.verdict_margin,
-        "verdict_time_s": response.verdict_time_s,
-        "state_sequence": response.state_sequence,
-        "command_sequence": response.command_sequence,
-        "cycles": response.cycles,
-        "fallback_count": response.fallback_count,
-        "late_count": response.late_count,
-        "missed_count": response.missed_count,
-        "rejected_count": response.rejected_count,
-        "compute_time_ns": response.compute_time_ns,
-        "uptime_ns": response.uptime_ns,
-        "wrench": response.wrench,
-        "wrench_bias": response.wrench_bias,
-        "force_limit": response.force_limit,
-        "law": Law::name_of(response.law),
-        "enabled": response.enabled == 1,
-        "normal_stiffness_n_m": response.normal_stiffness_n_m,
-        "surface_normal": response.surface_normal,
-        "contact_point_m": response.contact_point,
-        "velocity_offset": response.velocity_offset,
-    })
 }

@@ -40,6 +40,8 @@ pub(crate) struct Watched {
     instance: String,
     sample: DiagnosticsSample,
     heard: Instant,
+    /// When another state sample was seen to be answered; `None` while none has been.
+    answered: Option<Instant>,
     /// Changes of mode since top began: time since the start of the daemon in ns, and the mode.
     changes: Vec<(u64, String)>,
 }
@@ -47,7 +49,8 @@ pub(crate) struct Watched {
 impl Watched {
     fn new(instance: String, sample: DiagnosticsSample) -> Self {
         let changes = vec![(sample.uptime_ns, mode_text(&sample))];
-        Self { instance, sample, heard: Instant::now(), changes }
+        let heard = Instant::now();
+        Self { instance, sample, heard, answered: (sample.cycles_last_second > 0).then_some(heard), changes }
     }
 
     fn take(&mut self, sample: &DiagnosticsSample) {
@@ -61,7 +64,16 @@ impl Watched {
         if self.changes.len() > CHANGES {
             self.changes.remove(0);
         }
-        (self.sample, self.heard) = (*sample, Instant::now());
+        let heard = Instant::now();
+        if (sample.boot_id, sample.cycles) != (self.sample.boot_id, self.sample.cycles) {
+            self.answered = (sample.cycles > 0).then_some(heard);
+        }
+        (self.sample, self.heard) = (*sample, heard);
+    }
+
+    /// How old the force is: of the last state sample, as far as is known.
+    fn sample_age(&self) -> Option<Duration> {
+        self.answered.map(|answered| answered.elapsed())
     }
 
     /// How long the daemon has been silent, if that is long.

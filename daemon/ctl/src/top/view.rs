@@ -1,5 +1,8 @@
 //! What `top` draws.
 
+use std::time::Duration;
+
+use admittance_host::clock::monotonic_ns;
 use ipc_types::{DiagnosticsSample, Mode, QUANTILES};
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -11,6 +14,8 @@ use super::Watched;
 use crate::diagnostics::{latencies, mode_text, verdict_text};
 use admittance_core::quantities::AXIS_NAMES;
 
+/// After this long without a state sample the forces are called old.
+const NO_SAMPLE: Duration = Duration::from_secs(1);
 /// Part of a limit from which on a force is drawn as near it.
 const NEAR: f64 = 0.8;
 
@@ -55,7 +60,19 @@ impl View<'_> {
                 bold.fg(Color::Red),
             ),
             None => {
-                Line::raw(format!("up {:.0} s, {} cycles/s", sample.uptime_ns as f64 * 1e-9, sample.cycles_last_second))
+                let age = monotonic_ns().saturating_sub(sample.stamp_ns) as f64 * 1e-9;
+                let up = sample.uptime_ns as f64 * 1e-9;
+                let begin = format!("up {up:.0} s, as of {age:.1} s ago, {} samples/s", sample.cycles_last_second);
+                match self.0.sample_age() {
+                    Some(age) if age < NO_SAMPLE => {
+                        Line::raw(format!("{begin}, the last one {:.1} s ago", age.as_secs_f64()))
+                    }
+                    age => {
+                        let since =
+                            age.map_or("since top began".to_owned(), |age| format!("for {:.0} s", age.as_secs_f64()));
+                        Line::styled(format!("{begin}: none {since}, forces are as old"), bold.fg(Color::Yellow))
+                    }
+                }
             }
         };
         Paragraph::new(vec![first, second]).render(area, buffer);
@@ -83,13 +100,14 @@ fn controlled(sample: &DiagnosticsSample) -> impl Iterator<Item = usize> {
 }
 
 fn render_forces(sample: &DiagnosticsSample, area: Rect, buffer: &mut Buffer) {
-    let block = Block::bordered().title("Force against limit");
+    let block = Block::bordered().title("Force against limit, velocity offset (* in contact)");
     let inner = block.inner(area);
     block.render(area, buffer);
     for (row, axis) in inner.rows().zip(controlled(sample)) {
         let (force, limit) = (sample.wrench[axis], sample.force_limit[axis]);
         let share = (force.abs() / limit).clamp(0.0, 1.0);
-        let unit = if axis < 3 { "N" } else { "N m" };
+        let [unit, of_offset] = if axis < 3 { ["N", "m/s"] } else { ["N m", "rad/s"] };
+        let offset = sample.velocity_offset[axis];
         let color = match share {
             share if share >= 1.0 => Color::Red,
             share if share >= NEAR => Color::Yellow,
@@ -99,7 +117,10 @@ fn render_forces(sample: &DiagnosticsSample, area: Rect, buffer: &mut Buffer) {
         Gauge::default()
             .gauge_style(Style::new().fg(color))
             .ratio(if share.is_finite() { share } else { 0.0 })
-            .label(format!("{contact}{:<2} {force:>9.1} of {limit:.1} {unit}", AXIS_NAMES[axis]))
+            .label(format!(
+                "{contact}{:<2} {force:>9.1} of {limit:.1} {unit}, {offset:>+8.4} {of_offset}",
+                AXIS_NAMES[axis]
+            ))
             .render(row, buffer);
     }
 }

@@ -4,7 +4,7 @@ use admittance_host::robot_description::VelocityLoopDescription;
 use admittance_runner::config::GivenInName;
 use admittance_runner::cycle;
 use admittance_runner::virtual_time::VirtualTime;
-use ipc_types::MAX_JOINTS;
+use ipc_types::{MAX_JOINTS, StateSample};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::{Scenario, SensorSection};
 
@@ -171,4 +171,60 @@ fn a_replay_that_begins_late_knows_how_the_joints_moved() {
     // It is the record that tells.
     records[begin].joint_velocity = [0.0; MAX_JOINTS];
     assert_eq!(replay_of(config, &records[begin..]).1, 0);
+}
+
+/// What a daemon would record of a free motion whose controller pauses for so long, in ns, before the
+/// sample with this index.
+fn paused(pause_ns: u64, at: usize) -> Vec<RecordSample> {
+    let mut scenario = scenario();
+    scenario.start.contact_time_s = Some(4.0);
+    scenario.motion.iter_mut().for_each(|motion| (motion.duration_s, motion.twist) = (4.2, vec![0.0, -0.02]));
+    let age_ns = (config().control.max_sample_age_s * 1e9) as u64;
+    let mut cycle = cycle::build(&config()).expect("a known arm");
+    let (mut command, mut records, mut last_ns) = (CommandSample::zeroed(), Vec::new(), None);
+    let mut record = |kind: RecordKind, state: StateSample, now_ns: u64| {
+        let now = Instant::from_nanoseconds(now_ns);
+        let report = match kind {
+            RecordKind::Silence => cycle.silence(now, &mut command),
+            _ => cycle.answer(&state, now, &mut || false, &mut command),
+        };
+        command.sequence += 1;
+        let sequence = records.len() as u64 + 1;
+        let shell = RecordSample { sequence, now_ns, boot_id: 7, kind: kind.code(), state, ..RecordSample::zeroed() };
+        let mut record = RecordSample { command: CommandSample { boot_id: 7, ..command }, ..shell };
+        report.write(&mut record);
+        cycle.write(&mut record);
+        records.push(record);
+    };
+    for (index, unpaused) in records_of(&config(), &scenario, |_, _| false).iter().enumerate() {
+        let mut state = unpaused.state;
+        state.stamp_ns += if index < at { 0 } else { pause_ns };
+        while let Some(silent_ns) = last_ns.map(|last| last + age_ns).filter(|silent| *silent < state.stamp_ns) {
+            record(RecordKind::Silence, StateSample::zeroed(), silent_ns);
+            last_ns = Some(silent_ns);
+        }
+        record(RecordKind::Sample, state, state.stamp_ns);
+        last_ns = Some(state.stamp_ns);
+    }
+    records
+}
+
+#[test]
+fn a_pause_before_or_after_the_first_record_is_no_difference() {
+    let free = |record: &&RecordSample| record.command.mode == Mode::Free.code();
+    for pause_ns in [2_000_000, 5_000_000, 9_000_000, 30_000_000, 400_000_000] {
+        let records = paused(pause_ns, 500);
+        assert_eq!(replay(&records).0, None, "{pause_ns} ns, from the first record on");
+        for begin in [20, 33, 77, 101, 250, 333, 480, 510] {
+            assert_eq!(replay(&records[begin..]).0, None, "{pause_ns} ns, begun at {begin}");
+        }
+        assert!(records.iter().filter(free).count() > 500, "{pause_ns} ns");
+    }
+}
+
+#[test]
+fn another_difference_after_a_late_beginning_is_one() {
+    let mut records = paused(2_000_000, 500);
+    records[700].command.velocity_offset[0] = 1e-9;
+    assert_eq!(replay(&records[20..]).0, Some(701));
 }

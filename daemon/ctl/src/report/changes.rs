@@ -1,0 +1,152 @@
+//! Modes, verdicts and reasons of a recording: when they changed.
+
+use std::ops::Range;
+
+use ipc_types::{Mode, RecordKind, RecordSample, StopReason, Verdict};
+
+use super::table_row;
+use super::timeline::{Band, spans, svg};
+
+/// Rows of the table that are shown.
+const ROWS: usize = 100;
+
+/// What a cycle said.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Said {
+    time_s: f64,
+    /// Codes of mode, verdict and reason.
+    mode: u32,
+    verdict: u32,
+    stop_reason: u32,
+}
+
+/// Cycles that said something else than the one before.
+#[derive(Debug, Default)]
+pub(super) struct Changes(Vec<Said>);
+
+impl Changes {
+    /// Takes in a record, of a sample or of a silence.
+    pub(super) fn add(&mut self, record: &RecordSample, time_s: f64) {
+        let is_cycle = [RecordKind::Sample, RecordKind::Silence].map(RecordKind::code).contains(&record.kind);
+        let command = &record.command;
+        if !is_cycle || command.state_sequence == 0 {
+            return;
+        }
+        let (mode, verdict, stop_reason) = (command.mode, command.verdict, command.stop_reason);
+        let said = Said { time_s, mode, verdict, stop_reason };
+        if self.0.last().is_none_or(|last| Said { time_s, ..*last } != said) {
+            self.0.push(said);
+        }
+    }
+
+    /// The first reason of a stop, or of control that was not there, and when: "Disabled at 0.120 s".
+    pub(super) fn first_stop(&self) -> String {
+        let first = self.0.iter().find(|said| said.stop_reason != StopReason::NONE);
+        first.map_or("none".to_owned(), |said| {
+            let (reason, mode) = (StopReason::name_of(said.stop_reason), Mode::name_of(said.mode));
+            format!("{reason} at {:.3} s ({mode})", said.time_s)
+        })
+    }
+
+    /// Modes and verdicts over time (s).
+    pub(super) fn timeline(&self, time: &Range<f64>) -> String {
+        let modes = self.0.iter().map(|said| (said.time_s, mode_text(said), mode_color(said.mode)));
+        let verdicts = self.0.iter().map(|said| {
+            let (name, color) = verdict_look(said.verdict);
+            (said.time_s, name.to_owned(), color)
+        });
+        let bands = [
+            Band { title: "mode", spans: spans(modes, time.end) },
+            Band { title: "verdict", spans: spans(verdicts, time.end) },
+        ];
+        svg(&bands, time, "Mode and verdict over time")
+    }
+
+    /// A table of them in HTML.
+    pub(super) fn table(&self) -> String {
+        let head = table_row(&["time in s", "mode", "reason", "verdict"].map(str::to_owned), "th");
+        let row = |said: &Said| {
+            let names =
+                [Mode::name_of(said.mode), StopReason::name_of(said.stop_reason), Verdict::name_of(said.verdict)];
+            let [mode, reason, verdict] = names.map(str::to_owned);
+            table_row(&[format!("{:.3}", said.time_s), mode, reason, verdict], "td")
+        };
+        let rows: String = self.0.iter().take(ROWS).map(row).collect();
+        let more = self.0.len().saturating_sub(ROWS);
+        let more = if more > 0 { format!("<p>and {more} more</p>\n") } else { String::new() };
+        format!(
+            "<details><summary>Changes of mode and verdict</summary>\n<table>\n{head}{rows}</table>\n{more}</details>\n"
+        )
+    }
+
+    /// When the last one was, in s.
+    pub(super) fn end_s(&self) -> Option<f64> {
+        self.0.last().map(|said| said.time_s)
+    }
+}
+
+fn mode_text(said: &Said) -> String {
+    let mode = Mode::name_of(said.mode);
+    match said.stop_reason {
+        StopReason::NONE => mode.to_owned(),
+        reason => format!("{mode} ({})", StopReason::name_of(reason)),
+    }
+}
+
+fn mode_color(mode: u32) -> &'static str {
+    match Mode::from_code(mode) {
+        Some(Mode::Idle) | None => "#8A8578",
+        Some(Mode::Free) => "#1B7F4B",
+        Some(Mode::Contact) => "#0B5CAD",
+        Some(Mode::Stopping) => "#C44E12",
+        Some(Mode::Stopped) => "#B00020",
+    }
+}
+
+fn verdict_look(verdict: u32) -> (&'static str, &'static str) {
+    match Verdict::from_code(verdict) {
+        Some(Verdict::Feasible) => ("feasible", "#2E6F95"),
+        Some(Verdict::Infeasible) => ("infeasible", "#8E1B3A"),
+        Some(Verdict::None) | None => ("no verdict", "#A9A598"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::CommandSample;
+
+    use super::*;
+
+    fn record(kind: RecordKind, mode: Mode, stop_reason: u32) -> RecordSample {
+        let command = CommandSample { state_sequence: 1, mode: mode.code(), stop_reason, ..CommandSample::zeroed() };
+        RecordSample { kind: kind.code(), command, ..RecordSample::zeroed() }
+    }
+
+    #[test]
+    fn a_stop_by_silence_is_one() {
+        let mut changes = Changes::default();
+        assert_eq!(changes.first_stop(), "none");
+        changes.add(&record(RecordKind::Sample, Mode::Contact, StopReason::NONE), 0.1);
+        changes.add(&record(RecordKind::Sample, Mode::Contact, StopReason::NONE), 0.2);
+        changes.add(&record(RecordKind::Silence, Mode::Stopping, StopReason::SampleStale.code()), 0.3);
+        changes.add(&record(RecordKind::Silence, Mode::Stopped, StopReason::SampleStale.code()), 0.4);
+        assert_eq!(changes.first_stop(), "SampleStale at 0.300 s (Stopping)");
+        assert_eq!((changes.0.len(), changes.end_s()), (3, Some(0.4)));
+        let svg = changes.timeline(&(0.0..0.5));
+        for text in
+            ["<title>Contact, 0.100 s to 0.300 s</title>", "Stopped (SampleStale), 0.400 s to 0.500 s", "no verdict"]
+        {
+            assert!(svg.contains(text), "{text} is missing in {svg}");
+        }
+    }
+
+    #[test]
+    fn orders_and_what_came_before_the_first_sample_say_nothing() {
+        let mut changes = Changes::default();
+        changes.add(&record(RecordKind::Reset, Mode::Stopped, StopReason::Disabled.code()), 0.1);
+        let mut before = record(RecordKind::Silence, Mode::Idle, StopReason::SampleStale.code());
+        before.command.state_sequence = 0;
+        changes.add(&before, 0.2);
+        assert_eq!((changes.first_stop(), changes.end_s()), ("none".to_owned(), None));
+    }
+}

@@ -1,0 +1,245 @@
+//! `admittance-lab study recordings`: recordings that something has damaged. Each is refused with the
+//! place, or holds what it held; and what is recovered of it was in it.
+
+use std::path::PathBuf;
+
+use admittancectl::recording::{Item, Recording};
+use admittancectl::{Exit, Outcome, parallel};
+use ipc_types::RecordSample;
+use ipc_types::layout::WireType as _;
+use rand::{Rng, RngExt as _, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The recordings to damage copies of, in memory.
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Number of damaged recordings.
+    #[arg(long, default_value_t = 10_000, value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
+    runs: u64,
+    /// Seed of the damages.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Only this damage, and all about it.
+    #[arg(long)]
+    index: Option<u64>,
+    /// Threads.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: u16,
+}
+
+/// A recording as it was written.
+struct Original {
+    bytes: Vec<u8>,
+    held: Held,
+}
+
+/// What a recording holds.
+#[derive(Clone)]
+struct Held {
+    records: Vec<RecordSample>,
+    configurations: Vec<(u64, String)>,
+    version: u32,
+}
+
+/// What becomes of the bytes.
+#[derive(Debug, Clone, Copy)]
+enum Harm {
+    Bit { byte: usize, bit: u8 },
+    Zeroed { byte: usize, count: usize },
+    Overwritten { byte: usize, count: usize },
+    Removed { byte: usize, count: usize },
+    Doubled { byte: usize, count: usize },
+}
+
+/// How a damaged recording was read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ending {
+    /// Refused, with the place.
+    Named,
+    /// Refused as no recording.
+    Foreign,
+    /// Read to the same content.
+    Harmless,
+}
+
+pub(crate) fn run(args: &Args) -> Outcome<Exit> {
+    let originals = args.files.iter().map(original).collect::<Outcome<Vec<Original>>>()?;
+    let range = args.index.map_or(0..args.runs, |index| index..index + 1);
+    let first = range.start;
+    let seen = parallel::map(range.end - first, args.threads.into(), "recordings", |turn| {
+        Ok(damage(&originals, args.seed, first + turn))
+    });
+    let seen = seen.map_err(|why: String| (Exit::Internal, why))?;
+    let count = |ending| seen.iter().filter(|(_, result)| *result == Ok(ending)).count();
+    println!(
+        "{} damaged recordings of seed {}: {} named with their place, {} harmless, {} no recording any more",
+        seen.len(),
+        args.seed,
+        count(Ending::Named),
+        count(Ending::Harmless),
+        count(Ending::Foreign)
+    );
+    let mut found = false;
+    for ((what, result), index) in seen.iter().zip(first..) {
+        if args.index.is_some() {
+            println!("{what}: {result:?}");
+        }
+        if let Err(why) = result {
+            found = true;
+            let files: Vec<_> = args.files.iter().map(|file| file.display().to_string()).collect();
+            let command =
+                format!("admittance-lab study recordings --seed {} --index {index} {}", args.seed, files.join(" "));
+            eprintln!("FOUND: {command}\n  {what}: {why}");
+        }
+    }
+    Ok(if found { Exit::ClaimNotMet } else { Exit::Ok })
+}
+
+fn original(file: &PathBuf) -> Outcome<Original> {
+    let bytes = std::fs::read(file).map_err(|error| (Exit::NoInput, format!("{}: {error}", file.display())))?;
+    let recording = Recording::from_bytes(bytes.clone(), &file.display().to_string())?.refuse_damage()?;
+    let held = held(&recording).map_err(|why| (Exit::DataError, why))?;
+    Ok(Original { bytes, held })
+}
+
+fn held(recording: &Recording) -> Result<Held, String> {
+    let mut records = Vec::new();
+    for item in recording.items() {
+        if let Item::Record(record) = item.map_err(|(_, why)| why)? {
+            records.push(*record);
+        }
+    }
+    let configurations = recording.configurations().iter().map(|(at, text)| (*at, text.clone())).collect();
+    Ok(Held { records, configurations, version: recording.record_version() })
+}
+
+/// One damage: what it was, and what came of it.
+fn damage(originals: &[Original], seed: u64, index: u64) -> (String, Result<Ending, String>) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(index);
+    let which = random.random_range(0..originals.len());
+    let Original { bytes, held } = &originals[which];
+    // Every fourth breaks off, as that of a recorder that was killed.
+    let cut = (random.random_range(0..4) == 0).then(|| random.random_range(bytes.len() / 4..bytes.len()));
+    let mut bytes = bytes[..cut.unwrap_or(bytes.len())].to_vec();
+    let before = match cut {
+        None => Ok(held.clone()),
+        Some(_) => Recording::from_bytes(bytes.clone(), "cut").map_err(|(_, why)| why).and_then(|cut| self::held(&cut)),
+    };
+    let harm = draw(&mut random, bytes.len());
+    harm.apply(&mut bytes, &mut random);
+    let ending = cut.map_or(String::new(), |at| format!(", cut off at byte {at}"));
+    (format!("file {which}{ending}, {harm:?}"), before.and_then(|before| examine(bytes, harm, &before)))
+}
+
+fn draw(random: &mut impl Rng, length: usize) -> Harm {
+    let (byte, kind) = (random.random_range(0..length), random.random_range(0..20));
+    let count = random.random_range(1..=(length - byte).min(5000));
+    match kind {
+        0 => Harm::Zeroed { byte, count },
+        1 => Harm::Overwritten { byte, count },
+        2 => Harm::Removed { byte, count },
+        3 => Harm::Doubled { byte, count },
+        _ => Harm::Bit { byte, bit: random.random_range(0..8) },
+    }
+}
+
+impl Harm {
+    fn apply(self, bytes: &mut Vec<u8>, random: &mut impl Rng) {
+        match self {
+            Self::Bit { byte, bit } => bytes[byte] ^= 1 << bit,
+            Self::Zeroed { byte, count } => bytes[byte..byte + count].fill(0),
+            Self::Overwritten { byte, count } => random.fill_bytes(&mut bytes[byte..byte + count]),
+            Self::Removed { byte, count } => drop(bytes.drain(byte..byte + count)),
+            Self::Doubled { byte, count } => {
+                let again = bytes[byte..byte + count].to_vec();
+                bytes.splice(byte..byte, again);
+            }
+        }
+    }
+}
+
+/// Reads what is left. `before`: what it held before the harm.
+fn examine(bytes: Vec<u8>, harm: Harm, before: &Held) -> Result<Ending, String> {
+    let recording = match Recording::from_bytes(bytes, "damaged") {
+        Ok(recording) => recording,
+        Err((_, why)) if matches!(harm, Harm::Bit { .. }) => return Err(format!("not recognised: {why}")),
+        Err(_) => return Ok(Ending::Foreign),
+    };
+    if recording.damages().is_empty() {
+        let after = held(&recording)?;
+        let is_same = after.records.len() == before.records.len() && after.configurations == before.configurations;
+        // What was cut out at the end of a file that breaks off is one that breaks off before.
+        let may_be_shorter = !matches!(harm, Harm::Bit { .. }) && !recording.items().is_complete();
+        if !(is_same || may_be_shorter) || after.version != before.version {
+            return Err(format!("{} of {} records, unnoticed", after.records.len(), before.records.len()));
+        }
+        are_from(&after, before)?;
+        return Ok(Ending::Harmless);
+    }
+    if let Harm::Bit { byte, .. } = harm
+        && !recording.damages().iter().any(|damage| damage.bytes.contains(&byte))
+    {
+        return Err(format!("somewhere else: {:?}", recording.damages()));
+    }
+    are_from(&held(&recording)?, before)?;
+    match recording.refuse_damage() {
+        Err((Exit::DataError, text)) if text.contains("damaged at byte") => Ok(Ending::Named),
+        Err((code, text)) => Err(format!("{code:?}: {text}")),
+        Ok(_) => Err("accepted".to_owned()),
+    }
+}
+
+/// Whether all that was read was there, and in this order.
+fn are_from(after: &Held, before: &Held) -> Result<(), String> {
+    let mut left = before.records.iter();
+    for record in &after.records {
+        if !left.any(|known| known.same_bits(record)) {
+            return Err(format!("record {} is not as it was", record.sequence));
+        }
+    }
+    let known = after.configurations.iter().all(|found| before.configurations.contains(found));
+    if known { Ok(()) } else { Err("a configuration is not as it was".to_owned()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn recordings(names: &[&str]) -> Vec<Original> {
+        let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/recordings");
+        names.iter().map(|name| original(&directory.join(name)).expect("a recording")).collect()
+    }
+
+    #[test]
+    fn no_damage_goes_unnoticed() {
+        // Of one chunk and of several; with more than one configuration; of the first version.
+        let originals =
+            recordings(&["force-exceeded.mcap", "faults-free-bridged.mcap", "reload-stopped-then-reset.mcap"]);
+        let (mut named, mut harmless) = (0, 0);
+        for index in 0..300 {
+            match damage(&originals, 1, index) {
+                (_, Ok(Ending::Named)) => named += 1,
+                (_, Ok(_)) => harmless += 1,
+                (what, Err(why)) => panic!("{index}: {what}: {why}"),
+            }
+        }
+        assert!(named > 200 && harmless > 0, "{named} named, {harmless} harmless");
+    }
+
+    #[test]
+    fn what_is_not_as_it_was_is_seen() {
+        let [original] = &recordings(&["force-exceeded.mcap"])[..] else { panic!("one") };
+        let mut altered = original.held.clone();
+        altered.records[3].command.velocity_offset[0] += 1e-12;
+        assert!(are_from(&altered, &original.held).is_err_and(|why| why.contains("is not as it was")));
+        let harm = Harm::Bit { byte: 0, bit: 0 };
+        let mut lost = original.held.clone();
+        lost.records.pop();
+        assert!(examine(original.bytes.clone(), harm, &lost).is_err_and(|why| why.contains("unnoticed")));
+    }
+}
