@@ -28,6 +28,7 @@ mod virtual_plant;
 pub mod c_header;
 pub mod layout;
 pub mod qos;
+pub mod resources;
 pub mod schema;
 pub mod services;
 
@@ -38,7 +39,8 @@ pub use enums::{
 pub use errors::{PortError, ServiceError};
 pub use instance::{Instance, InstanceError, MAX_INSTANCE_LENGTH};
 pub use ports::{
-    Client, Event, Listener, Notifier, PublishSubscribe, Publisher, RequestResponse, Server, Slot, Subscriber,
+    ActiveRequest, Client, Event, Listener, Notifier, PendingResponse, PublishSubscribe, Publisher, RequestResponse,
+    Server, Slot, Subscriber,
 };
 pub use removal::{RemoveError, remove_all, shared_memory_files};
 pub use samples::{

@@ -11,6 +11,7 @@ use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::{FileName, LogLevel, NodeBuilder, NodeName, SemanticString, SignalHandlingMode, ipc};
 
 use crate::Instance;
+use crate::resources::{Lacking, Needed, OtherOwner};
 
 /// A node on shared memory. Neither it nor its ports can be sent to another thread.
 pub type Node = iceoryx2::node::Node<ipc::Service>;
@@ -90,6 +91,12 @@ pub enum NodeError {
     /// The settings themselves are not accepted.
     #[error(transparent)]
     Settings(#[from] SettingsError),
+    /// The machine lacks something that every program needs.
+    #[error(transparent)]
+    Lacking(#[from] Lacking),
+    /// The root directory is another user's.
+    #[error(transparent)]
+    OtherOwner(#[from] OtherOwner),
     /// The root directory is not there and could not be made.
     #[error("the root directory {} (ipc.root_path) cannot be made: {source}", root_path.display())]
     RootDirectory {
@@ -122,7 +129,24 @@ pub enum NodeError {
     },
 }
 
+impl NodeError {
+    /// Whether another user could connect.
+    pub fn is_permission(&self) -> bool {
+        matches!(self, Self::OtherOwner(_) | Self::Permission { .. })
+    }
+}
+
 impl IpcSettings {
+    /// Looks for what a program needs before it makes or opens anything.
+    ///
+    /// # Errors
+    /// [`NodeError`].
+    pub fn check(&self, needed: Needed) -> Result<(), NodeError> {
+        self.validate()?;
+        needed.check()?;
+        OtherOwner::of(&self.root_path).map_or(Ok(()), |other| Err(other.into()))
+    }
+
     /// Checks the settings: characters, and that every socket that iceoryx2 makes stays under the
     /// system's path limit.
     ///
@@ -175,6 +199,7 @@ impl IpcSettings {
     /// # Errors
     /// [`NodeError`].
     pub fn node(&self, program: &str) -> Result<Node, NodeError> {
+        self.check(Needed::TOOL)?;
         let config = self.config()?;
         let root_path = || self.root_path.clone();
         std::fs::DirBuilder::new()

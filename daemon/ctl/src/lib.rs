@@ -1,6 +1,15 @@
 //! The commands to commission, watch and rehearse admittanced; and the parts that admittance-lab
 //! uses as well.
 
+/// As the standard library's, but for a reader that has gone: see `admittance_host::output`.
+macro_rules! println {
+    ($($text:tt)*) => { admittance_host::say!($($text)*) };
+}
+/// As the standard library's, but for a reader that has gone.
+macro_rules! eprintln {
+    ($($text:tt)*) => { admittance_host::remark!($($text)*) };
+}
+
 pub mod demo;
 mod diagnostics;
 mod doctor;
@@ -16,13 +25,13 @@ pub mod request;
 pub mod roles;
 mod schema;
 pub mod session;
-mod target;
+pub mod target;
 mod top;
 pub mod validate;
 
 use std::process::ExitCode;
 
-use admittance_host::cpu;
+use admittance_host::{cpu, output};
 use clap::{Parser, Subcommand};
 
 /// How a command ends.
@@ -97,11 +106,10 @@ pub fn main() -> ExitCode {
         );
         return Exit::Unavailable.into();
     }
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(error) => return usage(&error),
-    };
-    exit("admittancectl", run(cli.command))
+    match Cli::try_parse() {
+        Ok(cli) => exit("admittancectl", || run(cli.command)),
+        Err(error) => usage(&error),
+    }
 }
 
 /// Prints what is wrong with the arguments, or the help that they ask for.
@@ -111,15 +119,15 @@ pub fn usage(error: &clap::Error) -> ExitCode {
     if error.use_stderr() { Exit::Usage.into() } else { Exit::Ok.into() }
 }
 
-/// The exit code of a program that ends like this; says why where something failed.
-pub fn exit(program: &str, outcome: Outcome<Exit>) -> ExitCode {
-    match outcome {
-        Ok(code) => code.into(),
-        Err((code, why)) => {
-            eprintln!("{program}: {why}");
-            code.into()
-        }
-    }
+/// Runs a tool to its exit code; says why where something failed.
+pub fn exit(program: &str, tool: impl FnOnce() -> Outcome<Exit>) -> ExitCode {
+    let code = output::until_unread(program, || {
+        tool().unwrap_or_else(|(code, why)| {
+            output::fatal(program, &why);
+            code
+        })
+    });
+    code.into()
 }
 
 fn run(command: Command) -> Outcome<Exit> {

@@ -10,7 +10,7 @@ use crate::Exit;
 
 /// Arguments that say which daemon.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Target {
+pub struct Target {
     /// The daemon's configuration; /etc/admittanced/INSTANCE.toml when absent.
     #[arg(long)]
     config: Option<PathBuf>,
@@ -27,7 +27,10 @@ pub(crate) struct Target {
 
 impl Target {
     /// The daemon's configuration file.
-    pub(crate) fn config_path(&self) -> Result<PathBuf, (Exit, String)> {
+    ///
+    /// # Errors
+    /// That the arguments name none.
+    pub fn config_path(&self) -> Result<PathBuf, (Exit, String)> {
         match (&self.config, &self.instance) {
             (Some(path), _) => Ok(path.clone()),
             (None, Some(instance)) => Ok(PathBuf::from(format!("/etc/admittanced/{instance}.toml"))),
@@ -36,7 +39,10 @@ impl Target {
     }
 
     /// A node where the daemon is, and the place.
-    pub(crate) fn connect(&self) -> Result<(Node, IpcSettings), (Exit, String)> {
+    ///
+    /// # Errors
+    /// Why there is none: no configuration, or not a usable one; no shared memory.
+    pub fn connect(&self) -> Result<(Node, IpcSettings), (Exit, String)> {
         ipc_types::quiet_iceoryx2();
         let config: Config = config::load(&self.config_path()?).map_err(|error| match error {
             LoadError::Read { .. } => (Exit::NoInput, error.to_string()),
@@ -46,7 +52,10 @@ impl Target {
             .ipc
             .settings(self.instance.as_deref(), self.root_path.clone(), self.prefix.clone())
             .map_err(|why| (Exit::Config, why))?;
-        let node = settings.node("admittancectl").map_err(|error| (Exit::Unavailable, error.to_string()))?;
+        let node = settings.node("admittancectl").map_err(|error| {
+            let code = if error.is_permission() { Exit::NoPermission } else { Exit::Unavailable };
+            (code, error.to_string())
+        })?;
         Ok((node, settings))
     }
 }

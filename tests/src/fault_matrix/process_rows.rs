@@ -172,7 +172,7 @@ fn surroundings() -> Vec<Row> {
             "/dev/shm is nearly full when a daemon starts.",
             Injection::Start(Newcomer::FullSharedMemory),
             69,
-            &["/dev/shm has", "bytes free, accepted: at least"],
+            &["/dev/shm is full: it has", "bytes free, accepted: at least"],
             &[],
         ),
         unnoticed(

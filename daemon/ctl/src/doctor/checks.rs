@@ -1,7 +1,7 @@
 //! Each check: what was found, whether that is good, and exactly what to change.
 
 use admittance_host::realtime::CPU_DMA_LATENCY;
-use admittance_host::shared_memory::NEEDED_BYTES;
+use ipc_types::resources::Needed;
 
 use super::machine::{Machine, processors};
 use super::{Asked, Check, Status};
@@ -185,7 +185,7 @@ fn shared_memory(machine: &Machine) -> Check {
     match machine.shared_memory {
         None => check(name, Status::Refused, "/dev/shm is not mounted", "mount -t tmpfs tmpfs /dev/shm"),
         // The daemon does not start then.
-        Some(free) if free < NEEDED_BYTES => check(name, Status::Refused, mebibytes(free), change),
+        Some(free) if free < Needed::DAEMON.bytes => check(name, Status::Refused, mebibytes(free), change),
         Some(free) => ok(name, mebibytes(free)),
     }
 }
@@ -328,7 +328,7 @@ mod tests {
 
     #[test]
     fn a_full_shared_memory_is_refused_for_everyone() {
-        for shared_memory in [None, Some(NEEDED_BYTES - 1)] {
+        for shared_memory in [None, Some(Needed::DAEMON.bytes - 1)] {
             let checks = all(&Machine { shared_memory, ..tuned() }, &Asked::default());
             assert_eq!(with(&checks, Status::Refused), ["shared memory"]);
         }

@@ -47,7 +47,7 @@ impl Machine {
             status: read("/proc/self/status"),
             limits: read("/proc/self/limits"),
             clock_source: read("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
-            shared_memory: admittance_host::shared_memory::free_bytes(),
+            shared_memory: ipc_types::resources::shared_memory_bytes(),
             cpu_dma_latency: may_write(c"/dev/cpu_dma_latency"),
         }
     }
