@@ -14,7 +14,7 @@ use serde_json::json;
 
 const SECOND_NS: u64 = 1_000_000_000;
 /// How long the other client asks before the flood comes, for comparison.
-const QUIET_NS: u64 = SECOND_NS;
+const QUIET_NS: u64 = 200_000_000;
 /// Time between the other client's requests.
 const PERIOD_NS: u64 = 20_000_000;
 /// What has no answer after this long has none.
@@ -36,11 +36,16 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 10_000, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
     rate_hz: u64,
     /// How long.
-    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=3600))]
-    seconds: u64,
+    #[arg(long, default_value = "10", value_parser = seconds)]
+    seconds: f64,
     /// One JSON object.
     #[arg(long)]
     json: bool,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds| (0.1..=3600.0).contains(seconds));
+    seconds.ok_or_else(|| "accepted: 0.1 to 3600".to_owned())
 }
 
 pub(crate) fn run(args: &Args) -> Outcome<Exit> {
@@ -52,7 +57,7 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
     let (flooded, failures) = std::thread::scope(|scope| {
         let flood = || flood(&settings, period.max(1), &sent, &end);
         let threads: Vec<_> = (0..args.clients).map(|_| scope.spawn(flood)).collect();
-        let flooded = ask_again_and_again(&other, monotonic_ns() + args.seconds * SECOND_NS);
+        let flooded = ask_again_and_again(&other, monotonic_ns() + (args.seconds * 1e9) as u64);
         end.store(true, Ordering::Relaxed);
         let ended = threads.into_iter().map(|thread| {
             let panicked = || Err((Exit::Internal, "a client's thread has panicked".to_owned()));
@@ -70,7 +75,7 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
         let json = json!({
             "clients": args.clients,
             "requests": sent,
-            "requests_per_second": sent / args.seconds,
+            "requests_per_second": (sent as f64 / args.seconds) as u64,
             "asked": flooded.asked,
             "unanswered": flooded.unanswered,
             "longest_wait_ms": milliseconds(&flooded),
@@ -78,7 +83,7 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
         });
         println!("{json}");
     } else {
-        println!("{sent} requests of {} clients, {} per second", args.clients, sent / args.seconds);
+        println!("{sent} requests of {} clients, {} per second", args.clients, (sent as f64 / args.seconds) as u64);
         println!(
             "another client: {} requests, {} without an answer, the longest wait {:.1} ms ({:.1} ms before the flood)",
             flooded.asked,

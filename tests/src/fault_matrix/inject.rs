@@ -9,7 +9,7 @@ use super::files::daemon_file;
 use super::row::{Disk, Injection, Newcomer, Signal};
 use super::run::{Stage, Wrong};
 use crate::session::{ctl_command, daemon_command, output, with_keys, write};
-use crate::{Child, PATIENCE};
+use crate::{Child, PATIENCE, binaries};
 
 impl Stage<'_> {
     pub(super) fn inject(&mut self) -> Result<(), Wrong> {
@@ -59,12 +59,22 @@ impl Stage<'_> {
         command
     }
 
+    fn flood(&self) -> Command {
+        let settings = self.ipc.settings();
+        let mut command = Command::new(&binaries().admittance_lab);
+        command.args(["flood", "--seconds", "0.5", "--config"]).arg(&self.config);
+        command.arg("--root-path").arg(&settings.root_path).args(["--prefix", &settings.prefix]);
+        command
+    }
+
     fn start_newcomer(&mut self, newcomer: Newcomer) -> Result<(), Wrong> {
         let mut command = match newcomer {
             Newcomer::SameInstance => daemon_command(&self.ipc, &self.config),
             Newcomer::ForeignSize => return self.start_beside_foreign::<ShortStateSample>(),
             Newcomer::ForeignVersion => return self.start_beside_foreign::<EarlierStateSample>(),
             Newcomer::FullSharedMemory => with_mount("/dev/shm", "16m", &self.other_daemon()),
+            Newcomer::FewDescriptors => in_a_shell("ulimit -n 16", &self.other_daemon()),
+            Newcomer::Flood => self.flood(),
         };
         self.newcomer = Some(Child::spawn(&mut command));
         Ok(())
@@ -96,6 +106,13 @@ impl Stage<'_> {
         self.newcomer = Some(Child::spawn(&mut command));
         Ok(())
     }
+}
+
+/// The command in a shell that this script has prepared.
+fn in_a_shell(script: &str, command: &Command) -> Command {
+    let mut shell = Command::new("sh");
+    shell.args(["-euc", &format!("{script}; exec \"$@\""), "sh"]).arg(command.get_program()).args(command.get_args());
+    shell
 }
 
 /// The command in its own mount namespace, in which a file system of this size is mounted at

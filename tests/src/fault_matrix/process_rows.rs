@@ -176,6 +176,23 @@ fn surroundings() -> Vec<Row> {
             &[],
         ),
         unnoticed(
+            "descriptors_few",
+            "A daemon is started that may open too few files.",
+            Injection::Start(Newcomer::FewDescriptors),
+            69,
+            &["too few file descriptors: ", "accepted: at least 192"],
+            &[],
+        ),
+        unnoticed(
+            "request_flood",
+            "Eight clients ask the daemon 10,000 things a second, orders for the real-time thread among them. One more client is \
+             answered all the same, signals are acted on, and the watchdog is fed (under a real systemd: `tests/systemd`).",
+            Injection::Start(Newcomer::Flood),
+            0,
+            &[],
+            &[],
+        ),
+        unnoticed(
             "root_removed",
             "The root directory is removed under running programs. What runs goes on; what starts later finds nothing (the \
              newcomer is `admittancectl status`). Both have to end before either is started: one that ends later removes the new \
