@@ -6,19 +6,19 @@ use std::sync::mpsc;
 use admittance_host::clock::monotonic_ns;
 use admittance_host::config::LoadError;
 use admittance_host::exit::ExitCode;
-use admittance_host::output::{fatal, remark_line, report_panics, say_line, until_unread};
+use admittance_host::output::{fatal, report_panics, say_line, until_unread};
 use admittance_host::realtime::{StepOutcome, StepReport};
 use admittance_host::{config, cpu, logging};
 use ipc_types::resources::Needed;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
-use crate::args::{Args, Invocation};
+use crate::args::{self, Args};
 use crate::channel::channel;
+use crate::instance_lock;
 use crate::probe::Unobserved;
 use crate::realtime_thread::{LoopTiming, RealtimeThread};
 use crate::service_thread::ServiceThread;
-use crate::{args, instance_lock};
 use admittance_runner::config::{Config, Wait};
 use admittance_runner::cycle;
 
@@ -37,17 +37,16 @@ pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
         return ExitCode::Unavailable;
     }
     let args = match args::parse(arguments) {
-        Ok(Invocation::Run(args)) => args,
-        Ok(Invocation::Print(text)) => {
+        Ok(args) => args,
+        Err(error) if error.use_stderr() => {
+            fatal(PROGRAM, error.to_string().trim_start_matches("error: "));
+            return ExitCode::Usage;
+        }
+        Err(help) => {
             return until_unread(PROGRAM, || {
-                say_line(format_args!("{}", text.trim_end()));
+                say_line(format_args!("{}", help.to_string().trim_end()));
                 ExitCode::Ok
             });
-        }
-        Err(why) => {
-            fatal(PROGRAM, &why);
-            remark_line(format_args!("\n{}", args::HELP));
-            return ExitCode::Usage;
         }
     };
     report_panics(PROGRAM);

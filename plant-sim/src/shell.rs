@@ -10,13 +10,13 @@ use admittance_core::quantities::Span;
 use admittance_host::clock::{monotonic_ns, sleep_then_spin_until_ns, sleep_until_ns};
 use admittance_host::config::{self, LoadError};
 use admittance_host::exit::ExitCode;
-use admittance_host::output::{fatal, remark_line, report_panics, say_line, until_unread};
+use admittance_host::output::{fatal, report_panics, say_line, until_unread};
 use admittance_host::realtime::{StepOutcome, go_real_time};
 use admittance_host::{cpu, logging};
 use ipc_types::resources::Needed;
 use ipc_types::services::{self, Access};
 
-use crate::args::{self, Args, Invocation};
+use crate::args::{self, Args};
 use crate::plant::CycleTiming;
 use crate::run::{AnyPlant, any_plant};
 use crate::scenario::Scenario;
@@ -39,17 +39,16 @@ pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
         return ExitCode::Unavailable;
     }
     let args = match args::parse(arguments) {
-        Ok(Invocation::Run(args)) => args,
-        Ok(Invocation::Print(text)) => {
+        Ok(args) => args,
+        Err(error) if error.use_stderr() => {
+            fatal(PROGRAM, error.to_string().trim_start_matches("error: "));
+            return ExitCode::Usage;
+        }
+        Err(help) => {
             return until_unread(PROGRAM, || {
-                say_line(format_args!("{}", text.trim_end()));
+                say_line(format_args!("{}", help.to_string().trim_end()));
                 ExitCode::Ok
             });
-        }
-        Err(why) => {
-            fatal(PROGRAM, &why);
-            remark_line(format_args!("\n{}", args::HELP));
-            return ExitCode::Usage;
         }
     };
     report_panics(PROGRAM);

@@ -13,6 +13,7 @@ macro_rules! eprintln {
 pub mod demo;
 mod diagnostics;
 mod doctor;
+mod installed_files;
 mod limits;
 pub mod offline;
 pub mod parallel;
@@ -94,6 +95,9 @@ enum Command {
     Schema(schema::Args),
     /// Find the highest approach speeds that stay safe, over stiffness and cycle time.
     Limits(limits::Args),
+    /// Write manual pages and shell completions, for deploy/install.sh.
+    #[command(hide = true)]
+    InstalledFiles(installed_files::Args),
     #[command(flatten)]
     Role(roles::Role),
 }
@@ -150,6 +154,7 @@ fn run(command: Command) -> Outcome<Exit> {
         Command::Doctor(args) => doctor::run(&args),
         Command::Schema(args) => schema::run(&args),
         Command::Limits(args) => limits::run(&args),
+        Command::InstalledFiles(args) => installed_files::run(&args),
         Command::Role(role) => roles::run(role),
     }
 }
