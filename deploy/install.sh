@@ -4,8 +4,8 @@ set -eu
 
 usage() {
     cat <<'END'
-Installs what operators need below /usr/local: admittanced, admittancectl, plant-sim (for rehearsals), their units, the user
-admittanced and example files. admittance-lab, which developers measure with, is not installed.
+Installs what operators need below /usr/local: admittanced, admittancectl, plant-sim (for rehearsals), their manual pages and shell
+completions, units, the user admittanced and example files. admittance-lab, which developers measure with, is not installed.
 
 Usage: install.sh [--root DIR] [--binaries DIR]
        install.sh --uninstall [--purge] [--root DIR]
@@ -103,6 +103,10 @@ install_files() {
             fail 66 "$binaries/$program: not there; build it (cargo build --release --workspace --bins) or give --binaries"
     done
     command -v systemd-sysusers >/dev/null || fail 69 "systemd-sysusers: not there; it belongs to systemd"
+    # Manual pages and completions, of the programs that are installed.
+    written=$(mktemp -d)
+    trap 'rm -rf "$written"' EXIT
+    "$binaries/admittancectl" installed-files "$written" || fail 69 "$binaries/admittancectl: does not run here"
     remove_files
     made=
     directory /etc/admittanced
@@ -121,8 +125,11 @@ install_files() {
     for example in "$source"/plant-sim/scenarios/*.toml; do
         file 0644 "$example" "$share/scenarios/${example##*/}"
     done
-    for page in TUNING.md THREATS.md; do
-        file 0644 "$source/deploy/$page" "$share/$page"
+    for page in deploy/TUNING.md deploy/THREATS.md docs/faults.md; do
+        file 0644 "$source/$page" "$share/${page##*/}"
+    done
+    for page in $(cd "$written" && find . -type f | sort); do
+        file 0644 "$written/$page" "/usr/local/share/${page#./}"
     done
     made "$share/manifest"
     printf '%s\n' "$made" >"$manifest"

@@ -3,77 +3,53 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-pub(crate) const HELP: &str = "\
-Real-time admittance control beside a velocity-controlled robot's motion controller.
+use clap::Parser;
 
-Usage: admittanced --config FILE [--instance NAME]
-
-Options:
-  --config FILE     configuration (TOML); check one with: admittancectl validate FILE
-  --instance NAME   name of this daemon, a-z 0-9 _ -; overrides ipc.instance
-  --root-path DIR   directory of the services' files; overrides ipc.root_path
-  --prefix TEXT     start of shared-memory names; overrides ipc.prefix
-  --help, --version
-
-Signals: TERM, INT stop (in contact at a low force, then hold); HUP reads the configuration again.
-Log level: ADMITTANCE_LOG=debug. Exit codes: 0 ended as asked, 64 usage, 66 no such file, 69 not available or held by
-another daemon, 70 internal error, 77 no permission, 78 configuration.
-
-Example: admittanced --config /etc/admittanced/cell-3.toml --instance cell-3
-";
-
-#[derive(Debug, PartialEq)]
-pub(crate) struct Args {
+/// What the program is told.
+#[derive(Debug, PartialEq, Parser)]
+#[command(
+    name = "admittanced",
+    version,
+    about = "Real-time admittance control beside a velocity-controlled robot's motion controller.",
+    after_help = "Signals: TERM, INT stop (in contact at a low force, then hold); HUP reads the configuration again.\nLog level: \
+    ADMITTANCE_LOG=debug. Exit codes: 0 ended as asked, 64 usage, 66 no such file, 69 not available or held by\nanother daemon, 70 \
+    internal error, 77 no permission, 78 configuration.\n\nExample: admittanced --config /etc/admittanced/cell-3.toml --instance cell-3"
+)]
+pub struct Args {
+    /// Configuration (TOML); check one with: admittancectl validate FILE.
+    #[arg(long, value_name = "FILE")]
     pub(crate) config: PathBuf,
+    /// Name of this daemon, a-z 0-9 _ -; overrides ipc.instance.
+    #[arg(long, value_name = "NAME")]
     pub(crate) instance: Option<String>,
+    /// Directory of the services' files; overrides ipc.root_path.
+    #[arg(long, value_name = "DIR")]
     pub(crate) root_path: Option<PathBuf>,
+    /// Start of shared-memory names; overrides ipc.prefix.
+    #[arg(long, value_name = "TEXT")]
     pub(crate) prefix: Option<String>,
 }
 
-#[derive(Debug, PartialEq)]
-pub(crate) enum Invocation {
-    Run(Args),
-    /// Print this and end.
-    Print(String),
-}
-
 /// Reads the arguments after the program's name.
-pub(crate) fn parse(arguments: impl Iterator<Item = OsString>) -> Result<Invocation, String> {
-    use lexopt::prelude::{Long, Short, ValueExt};
-    let mut parser = lexopt::Parser::from_args(arguments);
-    let (mut config, mut instance, mut root_path, mut prefix) = (None, None, None, None);
-    let text = |error: lexopt::Error| error.to_string();
-    while let Some(argument) = parser.next().map_err(text)? {
-        match argument {
-            Long("config") => config = Some(PathBuf::from(parser.value().map_err(text)?)),
-            Long("instance") => instance = Some(parser.value().map_err(text)?.string().map_err(text)?),
-            Long("root-path") => root_path = Some(PathBuf::from(parser.value().map_err(text)?)),
-            Long("prefix") => prefix = Some(parser.value().map_err(text)?.string().map_err(text)?),
-            Long("help") | Short('h') => return Ok(Invocation::Print(HELP.to_owned())),
-            Long("version") | Short('V') => {
-                return Ok(Invocation::Print(format!("admittanced {}\n", env!("CARGO_PKG_VERSION"))));
-            }
-            other => return Err(other.unexpected().to_string()),
-        }
-    }
-    let config = config.ok_or("--config FILE is missing")?;
-    Ok(Invocation::Run(Args { config, instance, root_path, prefix }))
+pub(crate) fn parse(arguments: impl Iterator<Item = OsString>) -> Result<Args, clap::Error> {
+    Args::try_parse_from(std::iter::once(OsString::from("admittanced")).chain(arguments))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn parsed(arguments: &[&str]) -> Result<Invocation, String> {
+    fn parsed(arguments: &[&str]) -> Result<Args, clap::Error> {
         parse(arguments.iter().map(OsString::from))
     }
 
     #[test]
     fn arguments_are_read_or_named() {
-        let Ok(Invocation::Run(args)) = parsed(&["--config", "a.toml", "--instance=r2"]) else { panic!("not a run") };
+        let args = parsed(&["--config", "a.toml", "--instance=r2"]).expect("a run");
         assert_eq!((args.config, args.instance.as_deref()), (PathBuf::from("a.toml"), Some("r2")));
-        assert!(parsed(&[]).unwrap_err().contains("--config FILE"));
-        assert!(parsed(&["--confg", "a"]).unwrap_err().contains("--confg"));
-        assert!(matches!(parsed(&["--help"]), Ok(Invocation::Print(text)) if text.contains("Example")));
+        assert!(parsed(&[]).unwrap_err().to_string().contains("--config <FILE>"));
+        assert!(parsed(&["--confg", "a"]).unwrap_err().to_string().contains("--confg"));
+        let help = parsed(&["--help"]).unwrap_err();
+        assert!(!help.use_stderr() && help.to_string().contains("Example"));
     }
 }

@@ -3,11 +3,9 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 use admittance_core::supervisor::{EnableRefused, Ending, ResetRefused};
 use admittance_core::vocabulary::ModeName as Mode;
-use admittance_host::clock::monotonic_ns;
 use ipc_types::{CommandSample, RecordSample};
 use rtrb::{Consumer, Producer, RingBuffer};
 
@@ -181,25 +179,20 @@ pub(crate) enum OrderError {
 }
 
 impl ServiceEnd {
-    /// Gives an order that is carried out until `until_ns` or not at all, and waits for what became
-    /// of it.
-    pub(crate) fn order(&mut self, order: Order, until_ns: u64) -> Result<Outcome, OrderError> {
-        let number = self.give(order, until_ns)?;
-        while monotonic_ns() < until_ns.saturating_add(GRACE_NS) {
-            match self.replies.pop() {
-                Ok(Reply { number: of, outcome: Outcome::Late { .. } }) if of == number => {
-                    return Err(OrderError::Late);
-                }
-                Ok(Reply { number: of, outcome }) if of == number => return Ok(outcome),
+    /// What became of an order, if that is known by now.
+    pub(crate) fn outcome_of(&mut self, number: u64) -> Option<Result<Outcome, OrderError>> {
+        while let Ok(Reply { number: of, outcome }) = self.replies.pop() {
+            match outcome {
                 // The reply to an order that nobody waits for any more.
-                Ok(_) => {}
-                Err(_) => std::thread::sleep(Duration::from_micros(200)),
+                _ if of != number => {}
+                Outcome::Late { .. } => return Some(Err(OrderError::Late)),
+                outcome => return Some(Ok(outcome)),
             }
         }
-        Err(OrderError::Late)
+        None
     }
 
-    /// Gives an order whose reply nobody waits for.
+    /// Gives an order that is carried out until `until_ns` or not at all, and returns its number.
     pub(crate) fn give(&mut self, order: Order, until_ns: u64) -> Result<u64, OrderError> {
         self.ordered += 1;
         let ticket = Ticket { number: self.ordered, until_ns, order };
@@ -208,13 +201,10 @@ impl ServiceEnd {
     }
 }
 
-/// How much later than the order's deadline its reply may come: the real-time thread reads the
-/// clock itself.
-const GRACE_NS: u64 = 500_000_000;
 /// Orders and replies that may wait.
 const ORDERS: usize = 8;
 /// Records that may wait: a second at 4 kHz.
-const RECORDS: usize = 4096;
+pub(crate) const RECORDS: usize = 4096;
 
 /// Rings for one pair of threads.
 pub(crate) fn channel() -> (RealtimeEnd, ServiceEnd) {

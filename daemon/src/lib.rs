@@ -20,4 +20,5 @@ mod service_thread;
 mod start;
 mod tare;
 
+pub use args::Args;
 pub use start::main_with_args;

@@ -7,20 +7,23 @@ use std::time::Duration;
 
 use admittance_core::supervisor::Ending;
 use admittance_host::clock::monotonic_ns;
+use admittance_host::logging;
 use ipc_types::services::{self, Access};
 use ipc_types::{Instance, Node, Publisher, RecordKind, RecordSample, Server};
 use signal_hook::consts::{SIGHUP, SIGTERM};
 use signal_hook::iterator::Signals;
 
-use crate::channel::{CycleRecord, Order, ServiceEnd};
+use crate::channel::{CycleRecord, Order, RECORDS, ServiceEnd};
 use crate::diagnostics::Diagnostics;
-use crate::requests::ORDER_PATIENCE_NS;
+use crate::requests::Requests;
 use crate::tare::FreeSamples;
 use crate::{log, notify};
 use admittance_runner::config::Config;
 
 /// How often the thread wakes up.
 const TURN: Duration = Duration::from_millis(5);
+/// The same while a request waits to be gone on with.
+const BRIEF_TURN: Duration = Duration::from_millis(1);
 
 /// The thread's state.
 pub(crate) struct ServiceThread {
@@ -41,8 +44,9 @@ pub(crate) struct ServiceThread {
     /// What a tare looks at.
     pub(crate) free: FreeSamples,
     pub(crate) started: u64,
+    pub(crate) requests: Requests,
     log: log::CycleLog,
-    notify: notify::Notify,
+    pub(crate) notify: notify::Notify,
 }
 
 impl ServiceThread {
@@ -77,23 +81,28 @@ impl ServiceThread {
             last: None,
             free: FreeSamples::default(),
             started,
+            requests: Requests::new(),
             log: log::CycleLog::default(),
             notify: notify::Notify::new(),
         })
     }
 
-    /// Serves until `ended` answers true.
+    /// Serves until `ended` answers true. A turn waits for nothing, and what it does is bounded: so
+    /// signals and watchdog are never far.
     pub(crate) fn run(&mut self, mut ended: impl FnMut() -> bool) {
         self.notify.ready();
         while !ended() {
             self.take_signals();
+            self.notify.watchdog(self.channel.progress.turns());
             self.read_records();
             self.serve_requests();
             self.diagnostics.publish(self.last.as_ref().map(|last| &last.sample), self.channel.progress.dropped());
-            self.notify.watchdog(self.channel.progress.turns());
-            std::thread::sleep(TURN);
+            logging::tell_withheld();
+            std::thread::sleep(if self.requests.are_pending() { BRIEF_TURN } else { TURN });
         }
         self.read_records();
+        self.dismiss_requests();
+        logging::tell_all_withheld();
         self.notify.stopping();
     }
 
@@ -101,12 +110,9 @@ impl ServiceThread {
         let pending: Vec<i32> = self.signals.pending().collect();
         for signal in pending {
             if signal == SIGHUP {
-                self.notify.reloading();
-                match self.reload(monotonic_ns() + ORDER_PATIENCE_NS) {
-                    Ok(what) => tracing::info!("reload: {what}"),
-                    Err(why) => tracing::error!("reload refused: {}", why.text()),
+                if self.requests.ask_for_reload() {
+                    self.notify.reloading();
                 }
-                self.notify.ready();
             } else {
                 let name = if signal == SIGTERM { "SIGTERM" } else { "SIGINT" };
                 tracing::info!("{name}: ending control; in contact the arm stops at a low force first");
@@ -118,7 +124,9 @@ impl ServiceThread {
     }
 
     pub(crate) fn read_records(&mut self) {
-        while let Ok(record) = self.channel.records.pop() {
+        // As many as wait at most: the next turn has the next ones.
+        for _ in 0..RECORDS {
+            let Ok(record) = self.channel.records.pop() else { break };
             // A slow reader sees a gap in the sequence; publishing never waits.
             if let Err(error) = self.records.send_copy(record.sample) {
                 tracing::debug!("a record was not published: {error:?}");

@@ -6,58 +6,62 @@ use std::sync::mpsc;
 use admittance_host::clock::monotonic_ns;
 use admittance_host::config::LoadError;
 use admittance_host::exit::ExitCode;
+use admittance_host::output::{fatal, report_panics, say_line, until_unread};
 use admittance_host::realtime::{StepOutcome, StepReport};
 use admittance_host::time_limit::TimeLimit;
-use admittance_host::{config, cpu, logging, shared_memory};
+use admittance_host::{config, cpu, logging};
+use ipc_types::resources::Needed;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
-use crate::args::{Args, Invocation};
+use crate::args::{self, Args};
 use crate::channel::channel;
+use crate::instance_lock;
 use crate::probe::Unobserved;
 use crate::realtime_thread::{LoopTiming, RealtimeThread};
 use crate::service_thread::ServiceThread;
-use crate::{args, instance_lock};
 use admittance_runner::config::{Config, Wait};
 use admittance_runner::cycle;
 
+const PROGRAM: &str = "admittanced";
 /// Stack of the real-time thread. The law keeps data of a horizon's size elsewhere.
 const STACK_BYTES: usize = 2 << 20;
 
 /// Runs the daemon with these arguments (without the program's name) and says how it ended.
 pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
-    // Before anything else: the code below may use instructions that this processor lacks.
+    // Before all else: a signal that comes while the daemon starts is acted on once it runs.
+    let signals = Signals::new([SIGTERM, SIGINT, SIGHUP]);
+    // The code below may use instructions that this processor lacks.
     if let Some(feature) = cpu::missing_cpu_feature() {
-        eprintln!(
-            "admittanced: this processor lacks {feature}, which this build needs (x86-64-v3): build for this machine"
-        );
+        let why = format!("this processor lacks {feature}, which this build needs (x86-64-v3): build for this machine");
+        fatal(PROGRAM, &why);
         return ExitCode::Unavailable;
     }
     let args = match args::parse(arguments) {
-        Ok(Invocation::Run(args)) => args,
-        Ok(Invocation::Print(text)) => {
-            print!("{text}");
-            return ExitCode::Ok;
-        }
-        Err(why) => {
-            eprintln!("admittanced: {why}\n\n{}", args::HELP);
+        Ok(args) => args,
+        Err(error) if error.use_stderr() => {
+            fatal(PROGRAM, error.to_string().trim_start_matches("error: "));
             return ExitCode::Usage;
         }
+        Err(help) => {
+            return until_unread(PROGRAM, || {
+                say_line(format_args!("{}", help.to_string().trim_end()));
+                ExitCode::Ok
+            });
+        }
     };
-    match run(args) {
+    report_panics(PROGRAM);
+    let signals = signals.map_err(|error| (ExitCode::Unavailable, format!("signal handlers: {error}")));
+    match signals.and_then(|signals| run(args, signals)) {
         Ok(code) => code,
         Err((code, why)) => {
-            eprintln!("admittanced: {why}");
+            fatal(PROGRAM, &why);
             code
         }
     }
 }
 
-fn run(args: Args) -> Result<ExitCode, (ExitCode, String)> {
-    // Before anything that takes time: a signal that comes while the daemon starts is acted on once
-    // it runs.
-    let signals = Signals::new([SIGTERM, SIGINT, SIGHUP])
-        .map_err(|error| (ExitCode::Unavailable, format!("signal handlers: {error}")))?;
+fn run(args: Args, signals: Signals) -> Result<ExitCode, (ExitCode, String)> {
     logging::init().map_err(|why| (ExitCode::Usage, why))?;
     ipc_types::quiet_iceoryx2();
     let config: Config = config::load(&args.config).map_err(|error| {
@@ -71,7 +75,10 @@ fn run(args: Args) -> Result<ExitCode, (ExitCode, String)> {
         .ipc
         .settings(args.instance.as_deref(), args.root_path, args.prefix)
         .map_err(|why| (ExitCode::Config, why))?;
-    check_shared_memory()?;
+    settings.check(Needed::DAEMON).map_err(|error| {
+        let code = if error.is_permission() { ExitCode::NoPermission } else { ExitCode::Unavailable };
+        (code, error.to_string())
+    })?;
     let _lock = instance_lock::take(&settings)?;
     let controller = cycle::build(&config).map_err(|why| (ExitCode::Config, why))?;
     tracing::info!(
@@ -142,16 +149,4 @@ fn is_throttled() -> bool {
     let runtime = std::fs::read_to_string("/proc/sys/kernel/sched_rt_runtime_us");
     // Newer kernels may lack the throttle, and with it the file.
     runtime.is_ok_and(|runtime| !runtime.trim_start().starts_with('-'))
-}
-
-fn check_shared_memory() -> Result<(), (ExitCode, String)> {
-    let Some(free) = shared_memory::free_bytes() else {
-        return Err((ExitCode::Unavailable, "/dev/shm is not mounted: shared memory needs it".to_owned()));
-    };
-    if free < shared_memory::NEEDED_BYTES {
-        let needed = shared_memory::NEEDED_BYTES;
-        let text = format!("/dev/shm has {free} bytes free, accepted: at least {needed}: free some, or enlarge it");
-        return Err((ExitCode::Unavailable, text));
-    }
-    Ok(())
 }

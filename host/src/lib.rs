@@ -7,7 +7,7 @@ pub mod cpu;
 pub mod exit;
 pub mod ipc_section;
 pub mod logging;
+pub mod output;
 pub mod realtime;
 pub mod robot_description;
-pub mod shared_memory;
 pub mod time_limit;

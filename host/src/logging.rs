@@ -1,19 +1,24 @@
 //! Where the log goes: to the journal with its fields when stderr is the journal, else to stderr as
-//! text.
+//! text; and how much of it (see [`rate`]).
+
+mod rate;
 
 use std::io::IsTerminal;
 use std::os::fd::AsRawFd;
 
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::fmt;
-use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
+
+pub use rate::{tell_all_withheld, tell_withheld};
 
 /// Environment variable with a filter such as `debug` or `admittanced=trace`.
 pub const FILTER_VARIABLE: &str = "ADMITTANCE_LOG";
 
 /// Starts logging for this process. The level is `info` unless the variable `ADMITTANCE_LOG` says
-/// otherwise.
+/// otherwise. Of lines of one kind most are withheld when there are many: call [`tell_withheld`]
+/// now and then, and [`tell_all_withheld`] at the end.
 ///
 /// # Errors
 /// A sentence, when the filter is malformed, the journal cannot be reached, or logging was started
@@ -28,16 +33,19 @@ pub fn init() -> Result<(), String> {
     let registry = tracing_subscriber::registry().with(filter);
     let result = if stderr_is_journal() {
         let journal = tracing_journald::layer().map_err(|error| format!("the journal cannot be reached: {error}"))?;
-        registry.with(journal.with_field_prefix(None)).try_init()
+        registry.with(journal.with_field_prefix(None).with_filter(rate::RateLimit)).try_init()
     } else {
+        // A line that cannot be written is lost: to complain of it on the same stderr would be a
+        // panic.
         let text = fmt::layer().with_writer(std::io::stderr).with_ansi(std::io::stderr().is_terminal());
-        registry.with(text.with_target(false)).try_init()
+        let text = text.with_target(false).log_internal_errors(false);
+        registry.with(text.with_filter(rate::RateLimit)).try_init()
     };
     result.map_err(|error| error.to_string())
 }
 
 /// Whether stderr is the stream that systemd named in JOURNAL_STREAM ("device:inode").
-fn stderr_is_journal() -> bool {
+pub(crate) fn stderr_is_journal() -> bool {
     let Ok(stream) = std::env::var("JOURNAL_STREAM") else { return false };
     // SAFETY: an all-zero stat is a valid value, and fstat only writes to it.
     let status = unsafe {

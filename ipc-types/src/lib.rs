@@ -30,6 +30,7 @@ mod virtual_plant;
 pub mod c_header;
 pub mod layout;
 pub mod qos;
+pub mod resources;
 pub mod schema;
 pub mod services;
 
@@ -41,7 +42,8 @@ pub use errors::{PortError, ServiceError};
 pub use instance::{Instance, InstanceError, MAX_INSTANCE_LENGTH};
 pub use place::{PlaceError, USERS_ROOT_PATH, effective_user, open_file, open_root, user_name, users_root_path};
 pub use ports::{
-    Client, Event, Listener, Notifier, PublishSubscribe, Publisher, RequestResponse, Server, Slot, Subscriber,
+    ActiveRequest, Client, Event, Listener, Notifier, PendingResponse, PublishSubscribe, Publisher, RequestResponse,
+    Server, Slot, Subscriber,
 };
 pub use removal::{RemoveError, remove_all, shared_memory_files};
 pub use samples::{

@@ -24,7 +24,7 @@ pub enum PlaceError {
     /// Something that belongs to somebody else.
     #[error(
         "{} belongs to {}, and this program runs as {}: {remedy}",
-        path.display(), user_name(*owner), user_name(effective_user())
+        path.display(), user_name(*owner), user_name(effective_user()), remedy = remedy.replace("USER", &user_name(*owner))
     )]
     Owner {
         /// The file or directory.
@@ -149,7 +149,7 @@ pub fn open_root(root_path: &Path, make: bool) -> Result<File, PlaceError> {
     Ok(directory)
 }
 
-const ROOT_REMEDY: &str = "run it as that user (runuser -u), or give another ipc.root_path";
+const ROOT_REMEDY: &str = "run it as that user (runuser -u USER), or give another ipc.root_path";
 
 /// Opens a file in the root directory to read and write, made where it is not there: a plain file
 /// that nobody else can write, under no other name. A link is not followed.

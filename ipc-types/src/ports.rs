@@ -24,6 +24,12 @@ pub type Notifier = port::notifier::Notifier<ipc::Service>;
 pub type Listener = port::listener::Listener<ipc::Service>;
 /// Sends requests.
 pub type Client = port::client::Client<ipc::Service, RequestSample, (), ResponseSample, ()>;
+/// A request that was sent: it lasts as long as this is kept, and its response comes here.
+pub type PendingResponse =
+    iceoryx2::pending_response::PendingResponse<ipc::Service, RequestSample, (), ResponseSample, ()>;
+/// A request that was received, and where its response goes. Kept, it counts against its client's
+/// requests under way: of a client that has as many kept no more are received.
+pub type ActiveRequest = iceoryx2::active_request::ActiveRequest<ipc::Service, RequestSample, (), ResponseSample, ()>;
 /// Receives requests and responds.
 pub type Server = port::server::Server<ipc::Service, RequestSample, (), ResponseSample, ()>;
 

@@ -139,7 +139,8 @@ pub const REQUEST: ServiceSpec<RequestResponseQos> = ServiceSpec {
     samples: &[RequestSample::INFO, ResponseSample::INFO],
     qos: RequestResponseQos {
         max_servers: 1,
-        max_clients: 8,
+        // More than the tools of a cell: those that ask without end leave room for others.
+        max_clients: 16,
         max_nodes: MAX_NODES,
         max_active_requests_per_client: 2,
         max_loaned_requests: 1,

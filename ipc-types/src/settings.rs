@@ -11,6 +11,7 @@ use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::{FileName, LogLevel, NodeBuilder, NodeName, SemanticString, SignalHandlingMode, ipc};
 
 use crate::place::{PlaceError, open_root};
+use crate::resources::{Lacking, Needed};
 use crate::{Instance, node_counter};
 
 /// A node on shared memory. Neither it nor its ports can be sent to another thread. Drop it after
@@ -81,6 +82,9 @@ pub enum NodeError {
     /// The settings themselves are not accepted.
     #[error(transparent)]
     Settings(#[from] SettingsError),
+    /// The machine lacks something that every program needs.
+    #[error(transparent)]
+    Lacking(#[from] Lacking),
     /// The root directory, or a file in shared memory, is not this user's alone.
     #[error(transparent)]
     Place(#[from] PlaceError),
@@ -108,7 +112,32 @@ pub enum NodeError {
     },
 }
 
+impl NodeError {
+    /// Whether another user could connect.
+    pub fn is_permission(&self) -> bool {
+        match self {
+            Self::Place(place) => place.is_permission(),
+            Self::Permission { .. } => true,
+            _ => false,
+        }
+    }
+}
+
 impl IpcSettings {
+    /// Looks for what a program needs before it makes or opens anything.
+    ///
+    /// # Errors
+    /// [`NodeError`].
+    pub fn check(&self, needed: Needed) -> Result<(), NodeError> {
+        self.validate()?;
+        needed.check()?;
+        match open_root(&self.root_path, false) {
+            // Whoever may make it does so later.
+            Ok(_) | Err(PlaceError::Absent { .. }) => Ok(()),
+            Err(other) => Err(other.into()),
+        }
+    }
+
     /// Checks the settings: characters, and that every socket that iceoryx2 makes stays under the
     /// system's path limit.
     ///
@@ -198,6 +227,7 @@ impl IpcSettings {
     }
 
     fn node_in(&self, program: &str, make_root: bool) -> Result<Node, NodeError> {
+        self.check(Needed::TOOL)?;
         let config = self.config()?;
         let root_path = || self.root_path.clone();
         let _kept = node_counter::keep(open_root(&self.root_path, make_root)?);

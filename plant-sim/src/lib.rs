@@ -24,4 +24,5 @@ pub mod tool_inertia;
 pub mod wrench_estimate;
 pub mod wrench_sensor;
 
+pub use args::Args;
 pub use shell::main_with_args;

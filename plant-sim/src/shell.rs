@@ -10,17 +10,20 @@ use admittance_core::quantities::Span;
 use admittance_host::clock::{monotonic_ns, sleep_then_spin_until_ns, sleep_until_ns};
 use admittance_host::config::{self, LoadError};
 use admittance_host::exit::ExitCode;
+use admittance_host::output::{fatal, report_panics, say_line, until_unread};
 use admittance_host::realtime::{StepOutcome, go_real_time};
 use admittance_host::time_limit::TimeLimit;
 use admittance_host::{cpu, logging};
+use ipc_types::resources::Needed;
 use ipc_types::services::{self, Access};
 
-use crate::args::{self, Args, Invocation};
+use crate::args::{self, Args};
 use crate::plant::CycleTiming;
 use crate::run::{AnyPlant, any_plant};
 use crate::scenario::Scenario;
 use crate::summary::Summary;
 
+const PROGRAM: &str = "plant-sim";
 /// Before each sample the plant stops sleeping and spins, so that it publishes at the nominal
 /// instant.
 const SPIN_NS: u64 = 150_000;
@@ -32,26 +35,30 @@ const LATE_POLL_NS: u64 = 30_000;
 /// Runs the plant with these arguments (without the program's name) and says how it ended.
 pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     if let Some(feature) = cpu::missing_cpu_feature() {
-        eprintln!(
-            "plant-sim: this processor lacks {feature}, which this build needs (x86-64-v3): build for this machine"
-        );
+        let why = format!("this processor lacks {feature}, which this build needs (x86-64-v3): build for this machine");
+        fatal(PROGRAM, &why);
         return ExitCode::Unavailable;
     }
     let args = match args::parse(arguments) {
-        Ok(Invocation::Run(args)) => args,
-        Ok(Invocation::Print(text)) => {
-            print!("{text}");
-            return ExitCode::Ok;
-        }
-        Err(why) => {
-            eprintln!("plant-sim: {why}\n\n{}", args::HELP);
+        Ok(args) => args,
+        Err(error) if error.use_stderr() => {
+            fatal(PROGRAM, error.to_string().trim_start_matches("error: "));
             return ExitCode::Usage;
         }
+        Err(help) => {
+            return until_unread(PROGRAM, || {
+                say_line(format_args!("{}", help.to_string().trim_end()));
+                ExitCode::Ok
+            });
+        }
     };
-    match run(args) {
+    report_panics(PROGRAM);
+    let outcome = run(args);
+    logging::tell_all_withheld();
+    match outcome {
         Ok(()) => ExitCode::Ok,
         Err((code, why)) => {
-            eprintln!("plant-sim: {why}");
+            fatal(PROGRAM, &why);
             code
         }
     }
@@ -73,6 +80,10 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
         .settings(args.instance.as_deref(), args.root_path, args.prefix)
         .map_err(|why| (ExitCode::Config, why))?;
     let unavailable = |why: String| (ExitCode::Unavailable, why);
+    settings.check(Needed::PLANT).map_err(|error| {
+        let code = if error.is_permission() { ExitCode::NoPermission } else { ExitCode::Unavailable };
+        (code, error.to_string())
+    })?;
     let opening = TimeLimit::of_opening("plant-sim", &settings.prefix);
     let ports = Ports::open(&settings, "plant-sim").map_err(unavailable)?;
     let truths = services::truth(ports.node(), &settings.instance, Access::OpenOrCreate)

@@ -120,14 +120,24 @@ impl Systemd {
         text.parse().unwrap_or_else(|_| panic!("{unit} {name}: {text}"))
     }
 
+    /// From outside, the file that lists the processes of a unit that runs; there is none while it
+    /// does not.
+    ///
+    /// # Panics
+    /// When systemctl fails.
+    #[track_caller]
+    pub fn processes_of(&self, unit: &str) -> PathBuf {
+        let group = self.property(unit, "ControlGroup");
+        self.cgroup.0.join(group.trim_start_matches('/')).join("cgroup.procs")
+    }
+
     /// Sends a signal, such as `libc::SIGKILL`, to the process of a unit that has one.
     ///
     /// # Panics
     /// When it has none.
     #[track_caller]
     pub fn signal(&self, unit: &str, signal: i32) {
-        let group = self.property(unit, "ControlGroup");
-        let processes = self.cgroup.0.join(group.trim_start_matches('/')).join("cgroup.procs");
+        let processes = self.processes_of(unit);
         let text = std::fs::read_to_string(&processes).unwrap_or_else(|error| panic!("{unit}: {error}"));
         let process = text.trim().parse().unwrap_or_else(|_| panic!("{unit}: not one process: {text:?}"));
         // SAFETY: kill touches no memory of this process; the id is that of a process of a unit in

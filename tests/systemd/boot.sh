@@ -8,8 +8,9 @@ exec unshare --fork --kill-child=KILL --pid --mount --uts --ipc --cgroup --mount
 mount --make-rprivate /
 mount -t tmpfs tmpfs /srv
 cp -a /etc /srv/etc
-mkdir -p /srv/repository/deploy /srv/repository/plant-sim /srv/repository/target/release
+mkdir -p /srv/repository/deploy /srv/repository/docs /srv/repository/plant-sim /srv/repository/target/release
 cp -a "$0/deploy" /srv/repository
+cp -a "$0/docs/faults.md" /srv/repository/docs
 cp -a "$0/plant-sim/scenarios" /srv/repository/plant-sim
 for program in admittanced admittancectl plant-sim; do
     cp "$1/$program" /srv/repository/target/release

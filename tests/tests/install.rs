@@ -69,6 +69,31 @@ fn the_units_are_sound_and_hardened() {
     }
     let systemd = Systemd::boot();
     systemd.run("deploy/install.sh");
+    // Pages and completions come from where --help comes from, and name what it names.
+    let share = "/usr/local/share";
+    systemd.run(&format!("cmp docs/faults.md {share}/admittanced/faults.md"));
+    let help = systemd.run("admittancectl --help");
+    let commands = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let commands: Vec<_> =
+        commands.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help").collect();
+    assert!(commands.contains(&"status"), "{help}");
+    let completion = systemd.run(&format!("cat {share}/bash-completion/completions/admittancectl"));
+    assert!(!completion.contains("role-"), "what is hidden is not offered");
+    for command in commands {
+        systemd.run(&format!("grep -q '^.TH ADMITTANCECTL-' {share}/man/man1/admittancectl-{command}.1"));
+        assert!(completion.contains(command), "{command}");
+    }
+    for (program, page) in [("admittanced", "man8/admittanced.8"), ("plant-sim", "man1/plant-sim.1")] {
+        let page = systemd.run(&format!("cat {share}/man/{page}")).replace("\\-", "-");
+        let help = systemd.run(&format!("{program} --help"));
+        let options = help.split_whitespace().filter(|word| word.starts_with("--")).map(|word| word.trim_matches(','));
+        let offered = systemd
+            .run(&format!("cat {share}/bash-completion/completions/{program} {share}/zsh/site-functions/_{program}"));
+        for option in options.filter(|option| *option != "--") {
+            assert!(page.contains(option) && offered.contains(option), "{program} {option}");
+        }
+        systemd.run(&format!("test -s {share}/fish/vendor_completions.d/{program}.fish"));
+    }
     for unit in ["admittanced@robot.service", "plant-sim@robot.service"] {
         // It succeeds with unknown keys as well: what it says is what counts.
         assert_eq!(systemd.run(&format!("systemd-analyze verify {unit}")), "", "{unit}");

@@ -1,10 +1,20 @@
 //! The commands to commission, watch and rehearse admittanced; and the parts that admittance-lab
 //! uses as well.
 
+/// As the standard library's, but for a reader that has gone: see `admittance_host::output`.
+macro_rules! println {
+    ($($text:tt)*) => { admittance_host::say!($($text)*) };
+}
+/// As the standard library's, but for a reader that has gone.
+macro_rules! eprintln {
+    ($($text:tt)*) => { admittance_host::remark!($($text)*) };
+}
+
 mod consequences;
 pub mod demo;
 mod diagnostics;
 mod doctor;
+mod installed_files;
 mod limits;
 pub mod offline;
 pub mod parallel;
@@ -17,13 +27,13 @@ pub mod request;
 pub mod roles;
 mod schema;
 pub mod session;
-mod target;
+pub mod target;
 mod top;
 pub mod validate;
 
 use std::process::ExitCode;
 
-use admittance_host::cpu;
+use admittance_host::{cpu, output};
 use clap::{Parser, Subcommand};
 
 /// How a command ends.
@@ -86,6 +96,9 @@ enum Command {
     Schema(schema::Args),
     /// Find the highest approach speeds that stay safe, over stiffness and cycle time.
     Limits(limits::Args),
+    /// Write manual pages and shell completions, for deploy/install.sh.
+    #[command(hide = true)]
+    InstalledFiles(installed_files::Args),
     #[command(flatten)]
     Role(roles::Role),
 }
@@ -98,11 +111,10 @@ pub fn main() -> ExitCode {
         );
         return Exit::Unavailable.into();
     }
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(error) => return usage(&error),
-    };
-    exit("admittancectl", run(cli.command))
+    match Cli::try_parse() {
+        Ok(cli) => exit("admittancectl", || run(cli.command)),
+        Err(error) => usage(&error),
+    }
 }
 
 /// Prints what is wrong with the arguments, or the help that they ask for.
@@ -112,15 +124,15 @@ pub fn usage(error: &clap::Error) -> ExitCode {
     if error.use_stderr() { Exit::Usage.into() } else { Exit::Ok.into() }
 }
 
-/// The exit code of a program that ends like this; says why where something failed.
-pub fn exit(program: &str, outcome: Outcome<Exit>) -> ExitCode {
-    match outcome {
-        Ok(code) => code.into(),
-        Err((code, why)) => {
-            eprintln!("{program}: {why}");
-            code.into()
-        }
-    }
+/// Runs a tool to its exit code; says why where something failed.
+pub fn exit(program: &str, tool: impl FnOnce() -> Outcome<Exit>) -> ExitCode {
+    let code = output::until_unread(program, || {
+        tool().unwrap_or_else(|(code, why)| {
+            output::fatal(program, &why);
+            code
+        })
+    });
+    code.into()
 }
 
 fn run(command: Command) -> Outcome<Exit> {
@@ -143,6 +155,7 @@ fn run(command: Command) -> Outcome<Exit> {
         Command::Doctor(args) => doctor::run(&args),
         Command::Schema(args) => schema::run(&args),
         Command::Limits(args) => limits::run(&args),
+        Command::InstalledFiles(args) => installed_files::run(&args),
         Command::Role(role) => roles::run(role),
     }
 }

@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use admittance_host::config::{self, LoadError};
 use admittance_host::time_limit::TimeLimit;
 use admittance_runner::config::Config;
-use ipc_types::{IpcSettings, Node, NodeError};
+use ipc_types::{IpcSettings, Node};
 
 use crate::Exit;
 
 /// Arguments that say which daemon.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Target {
+pub struct Target {
     /// The daemon's configuration; /etc/admittanced/INSTANCE.toml when absent.
     #[arg(long)]
     config: Option<PathBuf>,
@@ -28,7 +28,10 @@ pub(crate) struct Target {
 
 impl Target {
     /// The daemon's configuration file.
-    pub(crate) fn config_path(&self) -> Result<PathBuf, (Exit, String)> {
+    ///
+    /// # Errors
+    /// That the arguments name none.
+    pub fn config_path(&self) -> Result<PathBuf, (Exit, String)> {
         match (&self.config, &self.instance) {
             (Some(path), _) => Ok(path.clone()),
             (None, Some(instance)) => Ok(PathBuf::from(format!("/etc/admittanced/{instance}.toml"))),
@@ -38,7 +41,10 @@ impl Target {
 
     /// A node where the daemon is, the place, and a limit for the time that opening its services
     /// may take: drop it when they are open.
-    pub(crate) fn connect(&self) -> Result<(Node, IpcSettings, TimeLimit), (Exit, String)> {
+    ///
+    /// # Errors
+    /// Why there is none: no configuration, or not a usable one; no shared memory.
+    pub fn connect(&self) -> Result<(Node, IpcSettings, TimeLimit), (Exit, String)> {
         ipc_types::quiet_iceoryx2();
         let config: Config = config::load(&self.config_path()?).map_err(|error| match error {
             LoadError::Read { .. } => (Exit::NoInput, error.to_string()),
@@ -50,8 +56,8 @@ impl Target {
             .map_err(|why| (Exit::Config, why))?;
         let opening = TimeLimit::of_opening("admittancectl", &settings.prefix);
         let node = settings.visiting_node("admittancectl").map_err(|error| {
-            let is_permission = matches!(&error, NodeError::Place(place) if place.is_permission());
-            (if is_permission { Exit::NoPermission } else { Exit::Unavailable }, error.to_string())
+            let code = if error.is_permission() { Exit::NoPermission } else { Exit::Unavailable };
+            (code, error.to_string())
         })?;
         Ok((node, settings, opening))
     }

@@ -1,7 +1,17 @@
 //! What developers of admittanced measure with: studies of the verdict, benchmarks of solver and
 //! cycle, and soaks. Operators need none of it: what they install is `admittancectl`.
 
+/// As the standard library's, but for a reader that has gone: see `admittance_host::output`.
+macro_rules! println {
+    ($($text:tt)*) => { admittance_host::say!($($text)*) };
+}
+/// As the standard library's, but for a reader that has gone.
+macro_rules! eprintln {
+    ($($text:tt)*) => { admittance_host::remark!($($text)*) };
+}
+
 mod bench;
+mod flood;
 mod soak;
 mod study;
 
@@ -36,6 +46,8 @@ enum Command {
     Study(study::Args),
     /// Let things go wrong at random, for long, and watch what must never happen.
     Soak(soak::Args),
+    /// Ask a running daemon more than it can answer, and measure how long another client waits.
+    Flood(flood::Args),
     /// The daemon's real-time thread in this process, observed: what bench jitter starts.
     #[command(hide = true)]
     RoleObservedDaemon(bench::ObservedArgs),
@@ -53,11 +65,10 @@ fn main() -> ExitCode {
         );
         return Exit::Unavailable.into();
     }
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(error) => return admittancectl::usage(&error),
-    };
-    admittancectl::exit("admittance-lab", run(cli.command))
+    match Cli::try_parse() {
+        Ok(cli) => admittancectl::exit("admittance-lab", || run(cli.command)),
+        Err(error) => admittancectl::usage(&error),
+    }
 }
 
 fn run(command: Command) -> Outcome<Exit> {
@@ -65,6 +76,7 @@ fn run(command: Command) -> Outcome<Exit> {
         Command::Bench(args) => bench::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Soak(args) => soak::run(&args),
+        Command::Flood(args) => flood::run(&args),
         Command::RoleSoakObserver(args) => soak::observer::run(&args),
         Command::RoleObservedDaemon(args) => bench::observed::run(&args),
         Command::Role(role) => roles::run(role),

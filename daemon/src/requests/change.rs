@@ -5,7 +5,7 @@ use admittance_host::config::Section as _;
 use ipc_types::{Law, Mode, REQUEST_VALUES, RequestSample, TASK_AXES};
 use nalgebra::Vector3;
 
-use super::{Answered, Refusal};
+use super::{Begun, Refusal, Step};
 use crate::channel::{Order, OrderError, Outcome, Replacement};
 use crate::service_thread::ServiceThread;
 use crate::tare;
@@ -20,7 +20,7 @@ const NORMAL: usize = 1;
 const CONTACT_POINT: usize = 4;
 
 impl ServiceThread {
-    pub(super) fn set_force_limit(&mut self, request: &RequestSample, until: u64) -> Answered {
+    pub(super) fn set_force_limit(&mut self, request: &RequestSample) -> Begun {
         let requests = &self.config.requests;
         let (Some(min), Some(max)) = (&requests.force_limit_min, &requests.force_limit_max) else {
             return not_allowed("requests.force_limit_min and requests.force_limit_max");
@@ -46,10 +46,10 @@ impl ServiceThread {
         if !any {
             return Err(Refusal::Refused("no axis is given; accepted: a value for one axis or more".to_owned()));
         }
-        self.change(&settings, Replacement::ForceLimit, until)
+        self.change(&settings, Replacement::ForceLimit, "")
     }
 
-    pub(super) fn set_environment(&mut self, request: &RequestSample, until: u64) -> Answered {
+    pub(super) fn set_environment(&mut self, request: &RequestSample) -> Begun {
         let (requests, file) = (&self.config.requests, &self.file.environment);
         let mut settings = Settings::of(&self.config);
         let (normal, contact_point) = (vector(request, NORMAL)?, vector(request, CONTACT_POINT)?);
@@ -114,10 +114,10 @@ impl ServiceThread {
             }
             settings.contact_point = Some(place);
         }
-        self.change(&settings, Replacement::Behaviour, until)
+        self.change(&settings, Replacement::Behaviour, "")
     }
 
-    pub(super) fn set_law(&mut self, request: &RequestSample, until: u64) -> Answered {
+    pub(super) fn set_law(&mut self, request: &RequestSample) -> Begun {
         if !self.config.requests.law {
             return not_allowed("requests.law = true");
         }
@@ -127,10 +127,10 @@ impl ServiceThread {
             return Err(Refusal::Refused(text));
         };
         let settings = Settings { law, ..Settings::of(&self.config) };
-        self.change(&settings, Replacement::Behaviour, until)
+        self.change(&settings, Replacement::Behaviour, "")
     }
 
-    pub(super) fn tare(&mut self, until: u64) -> Answered {
+    pub(super) fn tare(&mut self) -> Begun {
         let Some(largest) = self.config.requests.tare_bias_max else {
             return not_allowed("requests.tare_bias_max");
         };
@@ -148,15 +148,14 @@ impl ServiceThread {
             )));
         }
         let settings = Settings { bias, ..Settings::of(&self.config) };
-        let changes = self.change(&settings, Replacement::Bias, until)?;
-        Ok(format!("{changes}; the mean of {} samples", tare::SAMPLES))
+        self.change(&settings, Replacement::Bias, &format!("; the mean of {} samples", tare::SAMPLES))
     }
 
-    /// Hands over a controller with other settings. Returns what changed.
-    fn change(&mut self, settings: &Settings, kind: Replacement, until: u64) -> Answered {
+    /// Hands over a controller with other settings. The answer says what changed, and `remark`.
+    fn change(&mut self, settings: &Settings, kind: Replacement, remark: &str) -> Begun {
         let changes = Settings::of(&self.config).changes(settings);
         if changes.is_empty() {
-            return Ok("nothing changed: these are the values in force".to_owned());
+            return Ok(Step::Done(format!("nothing changed: these are the values in force{remark}")));
         }
         let mut new = self.config.clone();
         settings.apply(&mut new);
@@ -166,27 +165,31 @@ impl ServiceThread {
             let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
             return Err(Refusal::Refused(errors.join("; ")));
         }
-        self.hand_over(new, kind, until)?;
-        Ok(changes.join(", "))
+        let answer = changes.join(", ") + remark;
+        Self::hand_over(new, kind, |_| answer)
     }
 
-    /// Builds the controller of a configuration, and puts it in force.
-    pub(super) fn hand_over(&mut self, config: Config, kind: Replacement, until: u64) -> Result<(), Refusal> {
+    /// Builds the controller of a configuration to be put in force; `then` answers when it is.
+    pub(super) fn hand_over(
+        config: Config,
+        kind: Replacement,
+        then: impl FnOnce(&mut Self) -> String + 'static,
+    ) -> Begun {
         let new = cycle::build(&config)?;
-        let Outcome::Replaced { unused, refused } = self.channel.order(Order::Replace { new, kind }, until)? else {
-            return Err(OrderError::Late.into());
-        };
-        drop(unused);
-        if let Some(why) = refused {
-            return Err(Refusal::Refused(format!("{why}; the values in force stay")));
-        }
-        self.diagnostics.configure(&config);
-        self.config = config;
-        Ok(())
+        Ok(Step::order(Order::Replace { new, kind }, move |service, outcome| {
+            let Outcome::Replaced { unused, refused } = outcome else { return Err(OrderError::Late.into()) };
+            drop(unused);
+            if let Some(why) = refused {
+                return Err(Refusal::Refused(format!("{why}; the values in force stay")));
+            }
+            service.diagnostics.configure(&config);
+            service.config = config;
+            Ok(then(service))
+        }))
     }
 }
 
-fn not_allowed(keys: &str) -> Answered {
+fn not_allowed(keys: &str) -> Begun {
     Err(Refusal::Refused(format!("the configuration does not allow it; accepted with {keys}")))
 }
 

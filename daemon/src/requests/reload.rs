@@ -3,7 +3,7 @@
 
 use admittance_host::config;
 
-use super::{Answered, Refusal};
+use super::{Begun, Refusal, Step};
 use crate::channel::Replacement;
 use crate::service_thread::ServiceThread;
 use admittance_runner::config::{Config, Control};
@@ -11,11 +11,11 @@ use admittance_runner::settings::Settings;
 
 impl ServiceThread {
     /// Hands a new controller over, if only what may change at run time has changed.
-    pub(crate) fn reload(&mut self, until: u64) -> Answered {
+    pub(super) fn reload(&mut self) -> Begun {
         let new: Config = config::load(&self.config_path).map_err(|error| error.to_string())?;
         if new == self.config {
             self.file = new;
-            return Ok("nothing has changed".to_owned());
+            return Ok(Step::Done("nothing has changed".to_owned()));
         }
         // A request may change the law too.
         let control = Control { law: self.config.control.law, ..new.control.clone() };
@@ -34,10 +34,11 @@ impl ServiceThread {
             )));
         }
         let changes = Settings::of(&self.config).changes(&Settings::of(&new));
-        self.hand_over(new.clone(), Replacement::Reload, until)?;
-        new.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
-        self.file = new;
-        let what = if changes.is_empty() { String::new() } else { format!(": {}", changes.join(", ")) };
-        Ok(format!("the new configuration is in force{what}"))
+        Self::hand_over(new.clone(), Replacement::Reload, move |service| {
+            new.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
+            service.file = new;
+            let what = if changes.is_empty() { String::new() } else { format!(": {}", changes.join(", ")) };
+            format!("the new configuration is in force{what}")
+        })
     }
 }

@@ -67,12 +67,22 @@ impl Stage<'_> {
         command
     }
 
+    fn flood(&self) -> Command {
+        let settings = self.ipc.settings();
+        let mut command = Command::new(&binaries().admittance_lab);
+        command.args(["flood", "--seconds", "0.5", "--config"]).arg(&self.config);
+        command.arg("--root-path").arg(&settings.root_path).args(["--prefix", &settings.prefix]);
+        command
+    }
+
     fn start_newcomer(&mut self, newcomer: Newcomer) -> Result<(), Wrong> {
         let mut command = match newcomer {
             Newcomer::SameInstance => daemon_command(&self.ipc, &self.config),
             Newcomer::ForeignSize => return self.start_beside_foreign::<ShortStateSample>(),
             Newcomer::ForeignVersion => return self.start_beside_foreign::<EarlierStateSample>(),
             Newcomer::FullSharedMemory => with_mount("/dev/shm", "16m", &self.other_daemon()),
+            Newcomer::FewDescriptors => in_a_shell("ulimit -n 16", &self.other_daemon()),
+            Newcomer::Flood => self.flood(),
         };
         self.newcomer = Some(Child::spawn(&mut command));
         Ok(())
@@ -104,6 +114,13 @@ impl Stage<'_> {
         self.newcomer = Some(Child::spawn(&mut command));
         Ok(())
     }
+}
+
+/// The command in a shell that this script has prepared.
+fn in_a_shell(script: &str, command: &Command) -> Command {
+    let mut shell = Command::new("sh");
+    shell.args(["-euc", &format!("{script}; exec \"$@\""), "sh"]).arg(command.get_program()).args(command.get_args());
+    shell
 }
 
 /// The command in its own mount namespace, in which a file system of this size is mounted at

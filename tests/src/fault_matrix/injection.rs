@@ -15,7 +15,7 @@ pub enum Injection {
     Signal(Who, Signal),
     /// The daemon is ended in order and started anew.
     Restart,
-    /// Another daemon is started.
+    /// Another program is started.
     Start(Newcomer),
     /// `ipc.root_path` is removed with all that is in it.
     RemoveRoot,
@@ -42,7 +42,7 @@ pub enum Signal {
     Stop,
 }
 
-/// A daemon that cannot start.
+/// What is started beside the running pair: mostly a daemon that cannot start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Newcomer {
     /// For the instance that the running one serves.
@@ -54,6 +54,10 @@ pub enum Newcomer {
     ForeignVersion,
     /// For another instance, where /dev/shm has too little room.
     FullSharedMemory,
+    /// For another instance, with too few file descriptors.
+    FewDescriptors,
+    /// No daemon: `admittance-lab flood`.
+    Flood,
 }
 
 /// A place for a recording.
@@ -94,6 +98,10 @@ impl fmt::Display for Injection {
                 "`admittanced` is started for another instance in a mount namespace whose /dev/shm has 16 MiB, beside the \
                  running one",
             ),
+            Self::Start(Newcomer::FewDescriptors) => f.write_str(
+                "`admittanced` is started for another instance with 16 file descriptors (`ulimit -n 16`), beside the running one",
+            ),
+            Self::Start(Newcomer::Flood) => f.write_str("`admittance-lab flood` for half a second"),
             Self::RemoveRoot => f.write_str("`rm -r` of `ipc.root_path`"),
             Self::Record(Disk::Missing) => f.write_str("`admittancectl record` into a directory that does not exist"),
             Self::Record(Disk::Full) => f.write_str("`admittancectl record` onto a file system of 64 KiB"),

@@ -175,7 +175,24 @@ fn surroundings() -> Vec<Row> {
             "/dev/shm is nearly full when a daemon starts.",
             Injection::Start(Newcomer::FullSharedMemory),
             69,
-            &["/dev/shm has", "bytes free, accepted: at least"],
+            &["/dev/shm is full: it has", "bytes free, accepted: at least"],
+            &[],
+        ),
+        unnoticed(
+            "descriptors_few",
+            "A daemon is started that may open too few files.",
+            Injection::Start(Newcomer::FewDescriptors),
+            69,
+            &["too few file descriptors: ", "accepted: at least 192"],
+            &[],
+        ),
+        unnoticed(
+            "request_flood",
+            "Eight clients ask the daemon 10,000 things a second, orders for the real-time thread among them. One more client is \
+             answered all the same, signals are acted on, and the watchdog is fed (under a real systemd: `tests/systemd`).",
+            Injection::Start(Newcomer::Flood),
+            0,
+            &[],
             &[],
         ),
         unnoticed(

@@ -1,10 +1,13 @@
 //! The units under a real systemd: how it starts, watches, restarts and stops them. Installation is
 //! in `tests/install.rs`.
 
+mod flood;
+mod root;
+mod signals;
 mod strangers;
 mod units;
 
-use end_to_end::{Need, PATIENCE, Systemd, needs, undisturbed, wait_until};
+use end_to_end::{Need, PATIENCE, Systemd, certain, needs, undisturbed, wait_until};
 use units::*;
 
 #[test]
@@ -158,7 +161,8 @@ fn what_a_restart_cannot_mend_is_given_up() {
         assert_eq!(systemd.try_run(&format!("systemctl start {DAEMON}")).0, Some(1));
         wait_for_state(&systemd, DAEMON, "failed");
         assert_eq!((systemd.property(DAEMON, "ExecMainStatus"), systemd.number(DAEMON, "NRestarts")), ("78".into(), 0));
-        systemd.wait_for_entry(&format!("-u {DAEMON} --grep='control.sampling_time_s = 5'"));
+        let entry = systemd.wait_for_entry(&format!("-u {DAEMON} --grep='control.sampling_time_s = 5'"));
+        certain(|| assert_eq!(entry["PRIORITY"], "3", "{entry}"));
 
         // None at all.
         systemd.run("systemctl reset-failed");
@@ -166,6 +170,8 @@ fn what_a_restart_cannot_mend_is_given_up() {
         wait_for_state(&systemd, "admittanced@nobody", "failed");
         let end = ["ExecMainStatus", "NRestarts"].map(|name| systemd.property("admittanced@nobody", name));
         assert_eq!(end, ["66", "0"]);
+        let entry = systemd.wait_for_entry("-u admittanced@nobody --grep=nobody.toml");
+        certain(|| assert_eq!(entry["PRIORITY"], "3", "{entry}"));
 
         // A valid one that cannot be used: the root path of a rehearsal by hand, where the service
         // may not write. Another program could hold it, so it is retried, but not for ever.

@@ -23,8 +23,8 @@ pub enum Discretization {
 }
 
 /// One step of the model under a constant joint velocity reference r, joint by joint and axis by
-/// axis: q ← q + Σ a_c c + b r, c ← Σ c_c' c' + d r, f̂ ← e f̂ + (1 − e) f_lin(q) + K_e J (Σ A_c c
-/// + B r). c runs over what a joint carries: q̇ and, where loops are more than (4), q̈ and the
+/// axis: q ← q + Σ a_c c + b r, c ← Σ c_c' c' + d r,
+/// f̂ ← e f̂ + (1 − e) f_lin(q) + K_e J (Σ A_c c + B r). c runs over what a joint carries: q̇ and, where loops are more than (4), q̈ and the
 /// reference before, which acts for the rest of its dead time. All values on the right are those at
 /// the start, and A, B act joint by joint, for each axis with its own numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]

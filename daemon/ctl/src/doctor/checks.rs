@@ -1,7 +1,7 @@
 //! Each check: what was found, whether that is good, and exactly what to change.
 
 use admittance_host::realtime::CPU_DMA_LATENCY;
-use admittance_host::shared_memory::NEEDED_BYTES;
+use ipc_types::resources::Needed;
 
 use super::machine::{Machine, processors};
 use super::{Asked, Check, Status};
@@ -187,7 +187,7 @@ fn shared_memory(machine: &Machine) -> Check {
     match machine.shared_memory {
         None => check(name, Status::Refused, "/dev/shm is not mounted", "mount -t tmpfs tmpfs /dev/shm"),
         // The daemon does not start then.
-        Some(free) if free < NEEDED_BYTES => check(name, Status::Refused, mebibytes(free), change),
+        Some(free) if free < Needed::DAEMON.bytes => check(name, Status::Refused, mebibytes(free), change),
         Some(free) => ok(name, mebibytes(free)),
     }
 }

@@ -64,7 +64,7 @@ impl Machine {
             status: read("/proc/self/status"),
             limits: read("/proc/self/limits"),
             clock_source: read("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
-            shared_memory: admittance_host::shared_memory::free_bytes(),
+            shared_memory: ipc_types::resources::shared_memory_bytes(),
             cpu_dma_latency: may_write(c"/dev/cpu_dma_latency"),
             root_path: root_path(settings),
             shared_files: settings.check_shared_memory().map_err(|error| error.to_string()),

@@ -1,5 +1,6 @@
 //! `admittancectl top`: a running daemon in the terminal, several times a second.
 
+mod keys;
 mod view;
 
 use std::io::{self, IsTerminal};
@@ -9,7 +10,6 @@ use std::time::{Duration, Instant};
 
 use ipc_types::{DiagnosticsSample, Subscriber};
 use ratatui::DefaultTerminal;
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
 
 use crate::Exit;
 use crate::diagnostics::{first, mode_text, subscribe};
@@ -102,9 +102,12 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     let failed = |error: io::Error| (Exit::Unavailable, format!("the terminal: {error}"));
     // With a panic hook that gives the terminal back.
     let mut terminal = ratatui::try_init().map_err(failed)?;
-    let outcome = watch(&mut terminal, &subscriber, watched, &ended);
-    ratatui::restore();
-    outcome.map_err(failed)?;
+    watch(&mut terminal, &subscriber, watched, &ended);
+    // A terminal that is gone takes nothing back, and what complains of that on it panics.
+    let _ = ratatui::try_restore();
+    if terminal.show_cursor().is_err() {
+        std::mem::forget(terminal);
+    }
     Ok(Exit::Ok)
 }
 
@@ -113,25 +116,16 @@ fn watch(
     subscriber: &Subscriber<DiagnosticsSample>,
     mut watched: Watched,
     ended: &AtomicBool,
-) -> io::Result<()> {
+) {
+    let mut stdin = io::stdin().lock();
     while !ended.load(Ordering::Relaxed) {
         while let Ok(Some(sample)) = subscriber.receive() {
             watched.take(&sample);
         }
-        terminal.draw(|frame| frame.render_widget(View(&watched), frame.area()))?;
-        let has_key = match event::poll(TURN) {
-            Ok(has_key) => has_key,
-            // A signal: the loop's condition handles it.
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => false,
-            Err(error) => return Err(error),
-        };
-        if has_key && let Event::Key(key) = event::read()? {
-            let is_ctrl_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
-            let ends = matches!(key.code, KeyCode::Char('q') | KeyCode::Esc) || is_ctrl_c;
-            if ends && key.kind == KeyEventKind::Press {
-                return Ok(());
-            }
+        let drawn = terminal.draw(|frame| frame.render_widget(View(&watched), frame.area()));
+        // Nothing can be drawn on a terminal that is gone.
+        if drawn.is_err() || keys::wait_for_end(&mut stdin, TURN) {
+            return;
         }
     }
-    Ok(())
 }

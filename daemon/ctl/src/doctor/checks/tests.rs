@@ -91,7 +91,7 @@ fn what_a_configuration_requires_is_refused_where_it_is_not_granted() {
 
 #[test]
 fn a_full_shared_memory_is_refused_for_everyone() {
-    for shared_memory in [None, Some(NEEDED_BYTES - 1)] {
+    for shared_memory in [None, Some(Needed::DAEMON.bytes - 1)] {
         let checks = all(&Machine { shared_memory, ..tuned() }, &Asked::default());
         assert_eq!(with(&checks, Status::Refused), ["shared memory"]);
     }

@@ -1,0 +1,97 @@
+//! Signals that come while the daemon starts, however early. Until the program has set up its
+//! handlers, which is the first thing it does, a signal kills the process that systemd made, and
+//! the unit says what follows; from then on the program acts on it in order.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use end_to_end::{Need, PATIENCE, Systemd, needs, wait_until};
+
+use crate::units::*;
+
+/// When a signal is sent.
+#[derive(Debug, Clone, Copy)]
+enum When {
+    /// As soon as the process runs the program, which has not begun by then.
+    AtExec,
+    /// As soon as it catches the signal.
+    AtOnce,
+    /// This long after systemd made the process.
+    After(Duration),
+}
+
+/// Starts the daemon and sends its process a signal. Returns whether it caught that by then.
+fn signal_at(systemd: &Systemd, processes: &Path, signal: i32, when: When) -> bool {
+    systemd.run(&format!("systemctl reset-failed; systemctl start --no-block {DAEMON}"));
+    let mut process = None;
+    wait_until("a process", PATIENCE, || {
+        let text = std::fs::read_to_string(processes).unwrap_or_default();
+        process = text.lines().next().and_then(|line| line.parse::<i32>().ok());
+        process.is_some()
+    });
+    let process = process.expect("just found");
+    let made = Instant::now();
+    let status = || std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let catches = || {
+        let status = status();
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+        caught
+            .and_then(|bits| u64::from_str_radix(bits.trim(), 16).ok())
+            .is_some_and(|bits| bits & 1 << (signal - 1) != 0)
+    };
+    let is_due = || match when {
+        When::AtExec => status().starts_with("Name:\tadmittanced"),
+        When::AtOnce => catches(),
+        When::After(delay) => made.elapsed() >= delay,
+    };
+    while !is_due() && made.elapsed() < PATIENCE {
+        std::hint::spin_loop();
+    }
+    let caught = catches();
+    // SAFETY: kill touches no memory of this process; the id is that of the unit's process, which
+    // systemd has made just now.
+    unsafe { libc::kill(process, signal) };
+    caught
+}
+
+/// When the signals are sent: all over the start, and where it matters most several times.
+fn times() -> impl Iterator<Item = When> {
+    let later = (0..=44).step_by(4).map(|milliseconds| When::After(Duration::from_millis(milliseconds)));
+    [When::AtExec, When::AtOnce].into_iter().cycle().take(8).chain(later)
+}
+
+#[test]
+fn a_signal_while_it_starts_is_acted_on() {
+    if !needs(Need::Systemd) {
+        return;
+    }
+    let systemd = installed(&config(&[]), &in_the_air());
+    systemd.run(&format!("systemctl start {DAEMON}"));
+    let processes = systemd.processes_of(DAEMON);
+    systemd.run(&format!("systemctl stop {DAEMON}"));
+
+    for when in times() {
+        let caught = signal_at(&systemd, &processes, libc::SIGHUP, when);
+        wait_for_state(&systemd, DAEMON, "active");
+        let restarts = systemd.number(DAEMON, "NRestarts");
+        assert!(restarts <= u64::from(!caught), "{when:?}: {restarts} restarts");
+        if caught {
+            entry_of_this_process(&systemd, "--grep='reload: nothing has changed'");
+        }
+        systemd.run(&format!("systemctl stop {DAEMON}"));
+        assert_ended_well(&systemd, DAEMON);
+    }
+    let mut earlier = 0;
+    for when in times() {
+        let caught = signal_at(&systemd, &processes, libc::SIGTERM, when);
+        earlier += usize::from(!caught);
+        let state = || systemd.property(DAEMON, "ActiveState");
+        wait_until("the end", PATIENCE, || ["inactive", "failed"].contains(&state().as_str()));
+        assert_eq!(systemd.number(DAEMON, "NRestarts"), 0, "{when:?}: who asks it to end is heard");
+        if caught {
+            assert_ended_well(&systemd, DAEMON);
+            systemd.wait_for_entry(&format!("-u {DAEMON} --grep='SIGTERM: ending control'"));
+        }
+    }
+    println!("SIGTERM came {earlier} times before it was caught");
+}
