@@ -10,6 +10,7 @@ use clap::Parser;
 #[command(
     name = "admittanced",
     version,
+    args_override_self = true,
     about = "Real-time admittance control beside a velocity-controlled robot's motion controller.",
     after_help = "Signals: TERM, INT stop (in contact at a low force, then hold); HUP reads the configuration again.\nLog level: \
     ADMITTANCE_LOG=debug. Exit codes: 0 ended as asked, 64 usage, 66 no such file, 69 not available or held by\nanother daemon, 70 \

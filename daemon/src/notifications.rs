@@ -65,7 +65,6 @@ fn give_up(begun: u64, timeout: u64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use std::path::PathBuf;
 
     use ipc_types::services::{self, Access};
     use ipc_types::{Instance, IpcSettings};
@@ -78,7 +77,7 @@ mod tests {
     fn what_is_notified_while_another_is_taken_is_not_missed() {
         let name = format!("not{:x}_", std::process::id());
         let settings = IpcSettings {
-            root_path: PathBuf::from(format!("/tmp/{name}")),
+            root_path: ipc_types::users_root_path().join(&name),
             prefix: name,
             instance: Instance::new("notified").expect("a name"),
         };

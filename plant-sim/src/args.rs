@@ -10,6 +10,7 @@ use clap::Parser;
 #[command(
     name = "plant-sim",
     version,
+    args_override_self = true,
     about = "An emulated motion controller and robot for admittanced: joint speed loops, contact, wrench estimate, in real time.",
     after_help = "Motion starts once admittanced answers. Exit codes: 0 the scenario ended, or a signal did; 64 usage, 66 no such \
     file,\n69 no daemon answers, or the services are held by another plant; 77 no permission, 78 scenario.\n\nExample: plant-sim \

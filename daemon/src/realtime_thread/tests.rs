@@ -1,5 +1,4 @@
 use std::any::Any;
-use std::path::PathBuf;
 
 use admittance_core::Counters;
 use admittance_core::belief::Snapshot;
@@ -81,7 +80,7 @@ impl Cycle for Panics {
 fn a_panic_is_a_hold_and_an_internal_error() {
     let name = format!("pan{:x}_", std::process::id());
     let settings = IpcSettings {
-        root_path: PathBuf::from(format!("/tmp/{name}")),
+        root_path: ipc_types::users_root_path().join(&name),
         prefix: name,
         instance: Instance::new("panics").expect("a name"),
     };

@@ -202,7 +202,7 @@ fn surroundings() -> Vec<Row> {
              services' files.",
             Injection::RemoveRoot,
             69,
-            &["no service admittanced/planar/"],
+            &["(ipc.root_path) is not there: is admittanced running"],
             &[],
         ),
         unnoticed(

@@ -9,6 +9,7 @@ mod foreign_contact;
 mod heavy_tool;
 mod limits_are_constraints;
 mod paper_experiment;
+mod settling;
 mod stops_and_guards;
 mod unlagged;
 mod velocity_loops;

@@ -15,8 +15,9 @@ use crate::output::{MAX_STEPS, Plan};
 /// next impact.
 const KEPT: Slack = Slack { softened: Softened::Minimum, price: 1.0, curvature: 0.1 };
 
-/// R once the arm was halted, relative to R. An impact wants the arm to brake at once; afterwards a loop
-/// that lags more than it was told would bounce for as long as the law corrects it within a few cycles.
+/// R once the arm was halted, relative to R. An impact wants the arm to brake at once; afterwards a
+/// loop that lags more than it was told would bounce for as long as the law corrects it within a
+/// few cycles.
 const SETTLING: f64 = 100.0;
 /// In how many times the lag of the speed loops and a cycle the force then settles.
 const SETTLING_LAGS: f64 = 3.0;
@@ -99,7 +100,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let felt = bounds.as_slice().iter().filter(feels);
         let kept = if is_soft { felt.map(along_normal).fold(0.0, f64::max) } else { 0.0 };
         let normal_force = options.normal_force_reference.max(kept);
-        // Which way the arm shall move: along the surface, and away from it as fast as the force settles.
+        // Which way the arm shall move: along the surface, and away from it as fast as the force
+        // settles.
         let settling = if holds && demand.settles {
             let time = SETTLING_LAGS * (settings.loops.slowest() + settings.timing.sampling_time.seconds());
             let excess = surface.spring_force(sample.posture.pose()) - normal_force;
@@ -109,8 +111,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         };
         let sliding = sample.twist_reference + wanted_offset;
         let lead = if holds { situation.lead(&settings, &sliding) } else { SVector::zeros() };
-        // Where a joint is too slow for that, the force comes first: a dear input would keep the way along the
-        // surface instead.
+        // Where a joint is too slow for that, the force comes first: a dear input would keep the
+        // way along the surface instead.
         let wanted = situation.joint_velocity(&(sliding + settling + lead));
         let too_fast = |most: &SVector<f64, N>| wanted.iter().zip(most.iter()).any(|(speed, most)| speed.abs() > *most);
         let is_too_fast = settings.limits.joint_speed.as_ref().is_some_and(too_fast);

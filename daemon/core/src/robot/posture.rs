@@ -38,13 +38,14 @@ impl<const N: usize, const D: usize> Posture<N, D> {
         &self.jacobian
     }
 
-    /// J̇ q̇: the acceleration (m/s², rad/s²) of the TCP on the task axes while every joint keeps its
-    /// velocity q̇ in rad/s.
+    /// J̇ q̇: the acceleration (m/s², rad/s²) of the TCP on the task axes while every joint keeps
+    /// its velocity q̇ in rad/s.
     pub fn acceleration_at_constant_joint_velocity(&self, joint_velocity: &SVector<f64, N>) -> SVector<f64, D> {
         let jacobian = &self.kinematics.jacobian;
         let (mut linear, mut angular) = (Vector3::zeros(), Vector3::zeros());
-        // ∂/∂q_j of z_i × (p − o_i), the column of joint i: z_j × (z_i × (p − o_i)) for j ≤ i, else z_i × (z_j ×
-        // (p − o_j)). The joints up to i turn by `turning`; those beyond move the TCP by `further`.
+        // ∂/∂q_j of z_i × (p − o_i), the column of joint i: z_j × (z_i × (p − o_i)) for j ≤ i, else
+        // z_i × (z_j × (p − o_j)). The joints up to i turn by `turning`; those beyond move the TCP
+        // by `further`.
         let (mut turning, (mut further, _)) = (Vector3::zeros(), self.velocity(joint_velocity));
         for (column, speed) in jacobian.column_iter().zip(joint_velocity.iter()) {
             let (moved, axis) = (column.fixed_rows::<3>(0) * *speed, column.fixed_rows::<3>(3) * *speed);

@@ -24,8 +24,8 @@ pub(crate) struct Return {
 }
 
 impl Return {
-    /// The offset that slows ṗ0 = `twist_reference` down to its speed; `None` where there is nothing
-    /// to slow down any more. (An offset of zero is one that a replay may begin after.)
+    /// The offset that slows ṗ0 = `twist_reference` down to its speed; `None` where there is
+    /// nothing to slow down any more. (An offset of zero is one that a replay may begin after.)
     pub(super) fn offset<const D: usize>(
         &self,
         twist_reference: &SVector<f64, D>,
@@ -107,8 +107,8 @@ impl<const D: usize> ContactMemory<D> {
         self.impact != Impact::Braking
     }
 
-    /// The largest speed into the surface that may be commanded, in m/s, now that ṗ0 moves out of it
-    /// at `outward_speed`: what the approach had, and a part of that once the impact is over.
+    /// The largest speed into the surface that may be commanded, in m/s, now that ṗ0 moves out of
+    /// it at `outward_speed`: what the approach had, and a part of that once the impact is over.
     pub(super) fn inward_speed(&mut self, outward_speed: f64) -> f64 {
         self.approach = self.approach.max(-outward_speed);
         let part = if self.impact == Impact::Over && self.returned.is_infinite() { RETURN } else { 1.0 };

@@ -1,6 +1,6 @@
 //! Kinematics against golden/kinematics.json, which an independent script computes with 80 digits.
 
-use admittance_core::robot::{Chain, Joint, Pose, right_inverse, rotation_from_rpy};
+use admittance_core::robot::{Chain, Joint, Pose, Posture, right_inverse, rotation_from_rpy};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::Deserialize;
 use std::f64::consts::PI;
@@ -251,4 +251,24 @@ fn what_is_no_chain_is_refused() {
     }
     let error = Chain::new([joint], Pose { rotation: Matrix3::from_element(f64::NAN), ..tool }).expect_err("no tool");
     assert!(error.to_string().starts_with("tool:"), "{error}");
+}
+
+/// J̇ q̇ against the difference of J q̇ on both sides of an arm whose joints turn about all axes.
+#[test]
+fn the_acceleration_at_constant_joint_velocity_is_the_derivative_of_the_twist() {
+    const STEP: f64 = 1e-5;
+    let joint = |index: usize| Joint {
+        origin: Vector3::new(0.1, 0.3 / (1.0 + index as f64), 0.2),
+        rotation: rotation_from_rpy([0.4 * index as f64, -0.7, 0.3]),
+        axis: [Vector3::z(), Vector3::y(), Vector3::new(1.0, 1.0, 0.0)][index % 3],
+    };
+    let tool = Pose { position: Vector3::new(0.1, 0.0, 0.2), rotation: Matrix3::identity() };
+    let chain = Chain::<7>::new(std::array::from_fn(joint), tool).expect("a chain");
+    let q = SVector::<f64, 7>::from_fn(|joint, _| 0.3 + 0.2 * joint as f64);
+    let speed = SVector::<f64, 7>::from_fn(|joint, _| 1.5 - 0.6 * joint as f64);
+    let twist = |time: f64| Posture::<7, 6>::new(&chain, &(q + speed * time)).jacobian() * speed;
+    let expected = (twist(STEP) - twist(-STEP)) / (2.0 * STEP);
+    let acceleration = Posture::<7, 6>::new(&chain, &q).acceleration_at_constant_joint_velocity(&speed);
+    assert!(expected.amin() > 0.1, "every axis is tested: {expected}");
+    assert!((acceleration - expected).amax() < 1e-8, "{acceleration}, by differences {expected}");
 }

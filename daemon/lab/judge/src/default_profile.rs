@@ -257,7 +257,7 @@ fn approach_surface<const N: usize, const M: usize>(
             initial: x,
             known_reference: vec![commanded; STEPS.len()],
             // As of an arm that turns while it slides.
-            drift: commanded * 0.01,
+            drift: commanded * 0.003,
             constraints: Constraints {
                 force,
                 joint_speed: Some(limits.speed),
