@@ -256,8 +256,8 @@ fn approach_surface<const N: usize, const M: usize>(
             model,
             initial: x,
             known_reference: vec![commanded; STEPS.len()],
-            // As of an arm that turns while it slides.
-            drift: commanded * 0.003,
+            // As of an arm that turns while it slides, away from the surface here.
+            drift: commanded * -0.003,
             constraints: Constraints {
                 force,
                 joint_speed: Some(limits.speed),
