@@ -125,10 +125,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             let way = (&(sample.twist_reference + output.offset()), &(sample.twist_reference + slowing));
             constraints.bound_inward_speed(demand.inward_speed, &surface.normal, known_twist, way, options.steps());
         }
+        let drift = situation.joint_velocity(&lead);
+        known_reference.iter_mut().for_each(|reference| *reference -= drift);
         let prediction = Prediction {
             initial: start.state,
             known_reference,
-            drift: situation.joint_velocity(&lead),
+            drift,
             inputs: InputAxes::from_mask(&inputs),
             previous_input: *output.offset(),
             wrench_axes,

@@ -252,12 +252,13 @@ fn approach_surface<const N: usize, const M: usize>(
         felt |= surface.pressing_force(&x.wrench) > FELT;
         pressed |= pressing > 2.0 * MINIMUM_FORCE && felt;
         let within = |room: f64| Interval { lower: SVector::repeat(-room), upper: SVector::repeat(room) };
+        // As of an arm that turns while it slides, away from the surface here.
+        let drift = commanded * -0.003;
         let problem = |force| Problem {
             model,
             initial: x,
-            known_reference: vec![commanded; STEPS.len()],
-            // As of an arm that turns while it slides, away from the surface here.
-            drift: commanded * -0.003,
+            known_reference: vec![commanded - drift; STEPS.len()],
+            drift,
             constraints: Constraints {
                 force,
                 joint_speed: Some(limits.speed),

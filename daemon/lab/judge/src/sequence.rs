@@ -23,7 +23,7 @@ pub struct Problem<const N: usize> {
     pub model: Model<N, N>,
     /// x_0.
     pub initial: State<N, N>,
-    /// The joint velocity reference without inputs, by step, rad/s.
+    /// The joint velocity reference without inputs, less the drift, by step, rad/s.
     pub known_reference: Vec<SVector<f64, N>>,
     /// Joint velocity by which the TCP falls behind what J predicts, rad/s.
     pub drift: SVector<f64, N>,

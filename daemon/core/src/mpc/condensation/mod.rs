@@ -72,10 +72,10 @@ pub struct Prediction<'a, const N: usize, const D: usize> {
     /// x_0, measured.
     pub initial: State<N, D>,
     /// The joint velocity reference in each step without the inputs, J⁻¹ (ṗ0 + offset of released
-    /// axes), rad/s; as many as steps.
+    /// axes), rad/s, less the drift; as many as steps.
     pub known_reference: &'a [SVector<f64, N>],
-    /// Joint velocity in rad/s by which the TCP falls behind what J predicts: J is constant over
-    /// the horizon, and turns. Cost and force bounds take it into account; no joint moves by it.
+    /// Joint velocity in rad/s by which the TCP falls behind what J predicts: J is constant over the
+    /// horizon, and turns. Cost and force bounds take it into account; no joint moves by it.
     pub drift: SVector<f64, N>,
     /// Axes with an input.
     pub inputs: InputAxes<D>,

@@ -102,9 +102,12 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
         fill_last_group(upper, f64::INFINITY);
         fill_last_group(weight, 1.0);
         let mut bounds = Bounds { lower, upper, weight };
-        let (steps, drift) = (self.horizon.steps(), SimdVector::of(&p.drift));
+        let steps = self.horizon.steps();
         if let Some(interval) = &c.joint_speed {
-            let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
+            // The joints have what the prediction has not.
+            let (drift, mut interval) =
+                (SimdVector::of(&p.drift), Weighted::new(array(&interval.lower), array(&interval.upper)));
+            (interval.lower, interval.upper) = (interval.lower.minus(drift), interval.upper.minus(drift));
             bounds.put(
                 self.rows(RowKind::JointSpeed),
                 N,
@@ -136,7 +139,7 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
             let interval = Weighted::new(array(&interval.lower), array(&interval.upper));
             let until_rest = self.horizon.until_rest();
             // The free trajectory drifts, the joints don't.
-            let mut drifted = SimdVector::ZERO;
+            let (drift, mut drifted) = (SimdVector::of(&p.drift), SimdVector::ZERO);
             let ends = steps.iter().enumerate().map(|(before, step)| {
                 drifted = drifted.plus(drift.times(SimdVector::splat(step.duration)));
                 (free.joints_at(before + 1).rest_position(until_rest).plus(drifted), interval)
@@ -156,7 +159,7 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
         let (interval, offset) = (Weighted::new(&minimum, &maximum), SimdVector::new(&offset));
         let forces = self.horizon.force_points().iter().map(|point| {
             let (a, b) = (&point.position_by, &point.position_by_reference);
-            let reference = SimdVector::of(&p.known_reference[point.step]).minus(drift);
+            let reference = SimdVector::of(&p.known_reference[point.step]);
             let force = self.gradients.times(free.joints_at(point.step).position_after(a, b, reference));
             force.plus(offset)
         });

@@ -173,7 +173,6 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
     };
     let mut wrench: SimdVector<M> = pick(axes, &initial.wrench);
     (free.position[0], free.carried[0]) = (joints.position.array(), joints.carried.map(SimdVector::array));
-    let drift = SimdVector::of(&prediction.drift);
     let places = free.position[1..].iter_mut().zip(&mut free.carried[1..]).zip(free.wrench.iter_mut());
     for ((step, reference), ((position, carried), wrench_after)) in
         steps.iter().zip(prediction.known_reference).zip(places)
@@ -181,7 +180,7 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
         if !is_even {
             filter = Filter::of(axes, step);
         }
-        let reference = SimdVector::of(reference).minus(drift);
+        let reference = SimdVector::of(reference);
         let followed = estimates.linear(joints.position).times(filter.by_start);
         wrench = wrench.times_plus(filter.decay, followed);
         if follows_within {

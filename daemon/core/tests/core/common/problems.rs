@@ -326,7 +326,8 @@ impl<const N: usize, const D: usize> Problem<N, D> {
 
     /// The joint velocity reference in step `step` under the inputs `z`, in the order of time.
     pub(crate) fn reference(&self, z: &[f64], step: usize) -> SVector<f64, N> {
-        self.prediction.known_reference[step] + self.model.jacobian_inverse * self.input(z, step)
+        let prediction = &self.prediction;
+        prediction.known_reference[step] + prediction.drift + self.model.jacobian_inverse * self.input(z, step)
     }
 
     /// u_k by task axis.

@@ -119,7 +119,7 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
         let (problem, model) = (self.problem, &self.problem.model);
         let initial = &problem.initial;
         for (k, step) in self.sequence.horizon.steps().iter().enumerate() {
-            let known = problem.known_reference[k] - problem.drift;
+            let known = &problem.known_reference[k];
             for joint in 0..N {
                 let (a, b) = (step.position_by[0][joint], step.position_by_reference[joint]);
                 let mut right = b * known[joint];
@@ -213,7 +213,7 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
                     let initial = (problem.initial.joint_position[joint], problem.initial.joint_velocity[joint]);
                     self.push_before(k, joint, gradient, initial.0, &mut right);
                     self.push_before(k, N + joint, gradient * a[joint], initial.1, &mut right);
-                    right -= gradient * b[joint] * (problem.known_reference[k][joint] - problem.drift[joint]);
+                    right -= gradient * b[joint] * problem.known_reference[k][joint];
                 }
                 if !is_end && self.sequence.horizon.first_reached() == 0 {
                     for (position, &axis) in self.axes.iter().enumerate() {
@@ -236,7 +236,8 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
             let limits = if sign > 0.0 { &interval.upper } else { &interval.lower };
             for (step, joint) in (0..self.steps()).flat_map(|step| (0..N).map(move |joint| (step, joint))) {
                 self.push_reference(step, joint, sign);
-                self.form.bounds.push(sign * (limits[joint] - problem.known_reference[step][joint]));
+                let known = problem.known_reference[step][joint] + problem.drift[joint];
+                self.form.bounds.push(sign * (limits[joint] - known));
             }
         }
         if let Some(interval) = &problem.constraints.rest_position {

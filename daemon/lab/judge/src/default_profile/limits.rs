@@ -67,7 +67,7 @@ impl<const N: usize> Limits<N> {
         let mut commanded = [SVector::<f64, N>::zeros(); 2];
         let (mut speeds, mut rates, mut inwards) = (Vec::new(), Vec::new(), Vec::new());
         for problem in &free.problems {
-            let known = &problem.known_reference[0];
+            let known = problem.known_reference[0] + problem.drift;
             let (mut speed, mut rate, mut inward) = ([SVector::<f64, N>::zeros(); 2], 0.0_f64, 0.0_f64);
             let (mut before, mut since) = (problem.previous_input, free.horizon.steps()[0].duration);
             for (inputs, step) in problem.solution.chunks_exact(M).zip(free.horizon.steps()) {
@@ -78,7 +78,7 @@ impl<const N: usize> Limits<N> {
                 inward = inward.max(-normal.dot(&input));
                 (before, since) = (input, step.duration);
             }
-            commanded = [commanded[0].sup(&-known), commanded[1].sup(known)];
+            commanded = [commanded[0].sup(&-known), commanded[1].sup(&known)];
             speeds.push(speed);
             rates.push(rate);
             inwards.push(inward);
