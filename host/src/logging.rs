@@ -1,5 +1,5 @@
 //! Where the log goes: to the journal with its fields when stderr is the journal, else to stderr as
-//! text; and how much of it (see [`rate`]).
+//! text; and how much of it (see `rate`).
 
 mod rate;
 
