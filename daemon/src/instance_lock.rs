@@ -14,8 +14,7 @@ pub(crate) struct InstanceLock {
 }
 
 fn place_refused(error: &PlaceError) -> (ExitCode, String) {
-    let code = if error.is_permission() { ExitCode::NoPermission } else { ExitCode::Unavailable };
-    (code, format!("the lock of the instance cannot be taken: {error}"))
+    (ExitCode::of_refusal(error.is_permission()), format!("the lock of the instance cannot be taken: {error}"))
 }
 
 /// Takes the lock.

@@ -66,9 +66,14 @@ impl ObservedThread {
             boot_id: 1,
         };
         let (started, start) = std::sync::mpsc::channel();
-        let handle = std::thread::spawn(move || thread.run(&started, probe));
+        let (go, may_go) = std::sync::mpsc::channel();
+        let handle = std::thread::spawn(move || thread.run(&started, &may_go, probe));
         match start.recv() {
-            Ok(Ok(_)) => Ok(Self { handle, service }),
+            Ok(Ok(_)) => {
+                // A thread that has ended is seen at its join.
+                let _ = go.send(());
+                Ok(Self { handle, service })
+            }
             Ok(Err((_, why))) => Err(why),
             Err(_) => Err("the real-time thread ended at once".to_owned()),
         }

@@ -1,7 +1,7 @@
 //! The real-time thread: wait for a state sample, answer it, publish the command.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{Receiver, Sender};
 
 use admittance_core::quantities::{Instant, Span};
 use admittance_core::supervisor::Ending;
@@ -10,8 +10,8 @@ use admittance_host::exit::ExitCode;
 use admittance_host::realtime::{RealtimeSection, StepReport, go_real_time};
 use ipc_types::services::{self, Access};
 use ipc_types::{
-    CommandSample, IpcSettings, Mode, Motion, Node, Notifier, Publisher, RecordKind, RecordSample, Slot, StateSample,
-    StopReason, Subscriber,
+    CommandSample, IpcSettings, Mode, Motion, Node, NodeError, Notifier, Publisher, RecordKind, RecordSample, Slot,
+    StateSample, StopReason, Subscriber,
 };
 
 use crate::arrival::ArrivalEstimate;
@@ -69,9 +69,10 @@ struct Ports {
 }
 
 impl Ports {
-    fn open(settings: &IpcSettings) -> Result<Self, String> {
-        let text = |error: &dyn std::fmt::Display| error.to_string();
-        let node = settings.node("admittanced real-time").map_err(|e| text(&e))?;
+    fn open(settings: &IpcSettings) -> Result<Self, (ExitCode, String)> {
+        let text = |error: &dyn std::fmt::Display| (ExitCode::Unavailable, error.to_string());
+        let refused = |e: NodeError| (ExitCode::of_refusal(e.is_permission()), e.to_string());
+        let node = settings.node("admittanced real-time").map_err(refused)?;
         let instance = &settings.instance;
         let create = Access::OpenOrCreate;
         let state = services::state(&node, instance, create).map_err(|e| text(&e))?;
@@ -89,21 +90,24 @@ impl Ports {
 }
 
 impl RealtimeThread {
-    /// The thread's body: opens the ports, becomes real-time, reports to `started`, and answers
-    /// samples until it is stopped.
-    pub(crate) fn run(self, started: &Sender<Started>, probe: impl Probe) -> ExitCode {
+    /// The thread's body: opens the ports, becomes real-time, reports to `started`, waits until it
+    /// may `go`, and answers samples until it is stopped. It ends at once where `go` has no sender.
+    pub(crate) fn run(self, started: &Sender<Started>, go: &Receiver<()>, probe: impl Probe) -> ExitCode {
         // A dropped receiver means that the process is ending already.
         let tell = |outcome: Started| drop(started.send(outcome));
         let ports = match Ports::open(&self.settings) {
             Ok(ports) => ports,
-            Err(why) => {
-                tell(Err((ExitCode::Unavailable, why)));
-                return ExitCode::Unavailable;
+            Err((code, why)) => {
+                tell(Err((code, why)));
+                return code;
             }
         };
         // After the ports are open: their mappings are then locked and present, or the refusal is
         // reported.
         tell(Ok(go_real_time(&self.realtime)));
+        if go.recv().is_err() {
+            return ExitCode::Unavailable;
+        }
         let mut cycle_loop = Loop {
             ports: &ports,
             timing: self.timing,

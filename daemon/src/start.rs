@@ -75,10 +75,7 @@ fn run(args: Args, signals: Signals) -> Result<ExitCode, (ExitCode, String)> {
         .ipc
         .settings(args.instance.as_deref(), args.root_path, args.prefix)
         .map_err(|why| (ExitCode::Config, why))?;
-    settings.check(Needed::DAEMON).map_err(|error| {
-        let code = if error.is_permission() { ExitCode::NoPermission } else { ExitCode::Unavailable };
-        (code, error.to_string())
-    })?;
+    settings.check(Needed::DAEMON).map_err(|error| (ExitCode::of_refusal(error.is_permission()), error.to_string()))?;
     let _lock = instance_lock::take(&settings)?;
     let controller = cycle::build(&config).map_err(|why| (ExitCode::Config, why))?;
     tracing::info!(
@@ -101,10 +98,11 @@ fn run(args: Args, signals: Signals) -> Result<ExitCode, (ExitCode, String)> {
         boot_id: (monotonic_ns() ^ u64::from(std::process::id()) << 32) | 1,
     };
     let (started, start) = mpsc::channel();
+    let (go, may_go) = mpsc::channel();
     let handle = std::thread::Builder::new()
         .name("real-time".to_owned())
         .stack_size(STACK_BYTES)
-        .spawn(move || thread.run(&started, Unobserved))
+        .spawn(move || thread.run(&started, &may_go, Unobserved))
         .map_err(|error| (ExitCode::Unavailable, format!("the real-time thread cannot be started: {error}")))?;
     let reports = start.recv().map_err(|_| (ExitCode::Internal, "the real-time thread ended at once".to_owned()))??;
     report(&reports, config.realtime.require_realtime)?;
@@ -115,10 +113,14 @@ fn run(args: Args, signals: Signals) -> Result<ExitCode, (ExitCode, String)> {
         );
     }
 
-    let node = settings.node("admittanced service").map_err(|error| (ExitCode::Unavailable, error.to_string()))?;
+    let node = settings
+        .node("admittanced service")
+        .map_err(|error| (ExitCode::of_refusal(error.is_permission()), error.to_string()))?;
     let mut service = ServiceThread::open(node, &settings.instance, service_end, args.config, config, signals)
         .map_err(|why| (ExitCode::Unavailable, why))?;
     drop(opening);
+    // Only now may the arm be controlled: until here the process may end at any moment.
+    let _ = go.send(());
     service.run(|| handle.is_finished());
     let code = handle.join().unwrap_or(ExitCode::Internal);
     if code == ExitCode::Internal {

@@ -53,6 +53,11 @@ impl ExitCode {
         self as u8
     }
 
+    /// Of a place or a port that could not be opened, for lack of permission or for another reason.
+    pub const fn of_refusal(is_permission: bool) -> Self {
+        if is_permission { Self::NoPermission } else { Self::Unavailable }
+    }
+
     /// The exit code of a child process, if it is one of ours.
     pub fn from_code(code: i32) -> Option<Self> {
         Self::ALL.into_iter().find(|exit| i32::from(exit.code()) == code)

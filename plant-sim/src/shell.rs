@@ -80,10 +80,7 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
         .settings(args.instance.as_deref(), args.root_path, args.prefix)
         .map_err(|why| (ExitCode::Config, why))?;
     let unavailable = |why: String| (ExitCode::Unavailable, why);
-    settings.check(Needed::PLANT).map_err(|error| {
-        let code = if error.is_permission() { ExitCode::NoPermission } else { ExitCode::Unavailable };
-        (code, error.to_string())
-    })?;
+    settings.check(Needed::PLANT).map_err(|error| (ExitCode::of_refusal(error.is_permission()), error.to_string()))?;
     let opening = TimeLimit::of_opening("plant-sim", &settings.prefix);
     let ports = Ports::open(&settings, "plant-sim").map_err(unavailable)?;
     let truths = services::truth(ports.node(), &settings.instance, Access::OpenOrCreate)

@@ -55,10 +55,9 @@ impl Target {
             .settings(self.instance.as_deref(), self.root_path.clone(), self.prefix.clone())
             .map_err(|why| (Exit::Config, why))?;
         let opening = TimeLimit::of_opening("admittancectl", &settings.prefix);
-        let node = settings.visiting_node("admittancectl").map_err(|error| {
-            let code = if error.is_permission() { Exit::NoPermission } else { Exit::Unavailable };
-            (code, error.to_string())
-        })?;
+        let node = settings
+            .visiting_node("admittancectl")
+            .map_err(|error| (Exit::of_refusal(error.is_permission()), error.to_string()))?;
         Ok((node, settings, opening))
     }
 }

@@ -76,14 +76,18 @@ impl Cycle for Panics {
     }
 }
 
-#[test]
-fn a_panic_is_a_hold_and_an_internal_error() {
-    let name = format!("pan{:x}_", std::process::id());
-    let settings = IpcSettings {
+/// Settings of a place of its own whose name begins so.
+fn place(name: &str) -> IpcSettings {
+    let name = format!("{name}{:x}_", std::process::id());
+    IpcSettings {
         root_path: ipc_types::users_root_path().join(&name),
         prefix: name,
         instance: Instance::new("panics").expect("a name"),
-    };
+    }
+}
+
+/// The thread, with a law that panics.
+fn thread(settings: &IpcSettings) -> RealtimeThread {
     let realtime = RealtimeSection {
         lock_memory: false,
         priority: 0,
@@ -98,18 +102,46 @@ fn a_panic_is_a_hold_and_an_internal_error() {
         wait: Wait::Event,
         spin: 0,
     };
-    let (realtime_end, _service_end) = channel();
-    let thread = RealtimeThread {
+    let (realtime_end, _) = channel();
+    RealtimeThread {
         settings: settings.clone(),
         realtime,
         timing,
         cycle: Box::new(Panics),
         channel: realtime_end,
         boot_id: 7,
-    };
+    }
+}
+
+#[test]
+fn it_answers_nothing_before_it_may() {
+    let settings = place("go");
+    let node = settings.node("test").expect("a node");
+    let state = services::state(&node, &settings.instance, Access::OpenOrCreate).expect("the first");
+    let states = state.publisher().expect("no other publisher");
     let (started, start) = std::sync::mpsc::channel();
-    let handle = std::thread::spawn(move || thread.run(&started, Unobserved));
+    let (go, may_go) = std::sync::mpsc::channel::<()>();
+    let thread = thread(&settings);
+    let handle = std::thread::spawn(move || thread.run(&started, &may_go, Unobserved));
     start.recv().expect("the thread tells").expect("its ports open");
+    // The law would panic.
+    states.send_copy(StateSample { sequence: 1, stamp_ns: monotonic_ns(), ..StateSample::zeroed() }).expect("sent");
+    std::thread::sleep(std::time::Duration::from_millis(20));
+    drop(go);
+    assert_eq!(handle.join().expect("no panic"), ExitCode::Unavailable);
+    drop((states, state, node));
+    ipc_types::remove_all(&settings).expect("removed");
+}
+
+#[test]
+fn a_panic_is_a_hold_and_an_internal_error() {
+    let settings = place("pan");
+    let thread = thread(&settings);
+    let (started, start) = std::sync::mpsc::channel();
+    let (go, may_go) = std::sync::mpsc::channel();
+    let handle = std::thread::spawn(move || thread.run(&started, &may_go, Unobserved));
+    start.recv().expect("the thread tells").expect("its ports open");
+    go.send(()).expect("it waits");
 
     let node = settings.node("test").expect("a node");
     let state = services::state(&node, &settings.instance, Access::Open).expect("the daemon made it");

@@ -19,6 +19,9 @@ const KEPT: Slack = Slack { softened: Softened::Minimum, price: 1.0, curvature: 
 /// loop that lags more than it was told would bounce for as long as the law corrects it within a
 /// few cycles.
 const SETTLING: f64 = 100.0;
+/// Part of the joints' speed that has to be left for all of it: with less the weight goes down to R
+/// steadily, so that an arm that slides along its limits does not jump from one law to the other.
+const ENOUGH_SPEED: f64 = 0.05;
 /// In how many times the lag of the speed loops and a cycle the force then settles.
 const SETTLING_LAGS: f64 = 3.0;
 
@@ -114,14 +117,16 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // Where a joint is too slow for that, the force comes first: a dear input would keep the
         // way along the surface instead.
         let wanted = situation.joint_velocity(&(sliding + settling + lead));
-        let too_fast = |most: &SVector<f64, N>| wanted.iter().zip(most.iter()).any(|(speed, most)| speed.abs() > *most);
-        let is_too_fast = settings.limits.joint_speed.as_ref().is_some_and(too_fast);
+        let used = |most: &SVector<f64, N>| wanted.zip_map(most, |speed, most| speed.abs() / most).max();
+        let left = settings.limits.joint_speed.as_ref().map_or(1.0, |most| 1.0 - used(most));
+        let calm = if is_soft && demand.settles { (left / ENOUGH_SPEED).clamp(0.0, 1.0) } else { 0.0 };
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
             let excess = -surface.outward_speed(&sample.twist_reference) - demand.inward_speed;
-            let reach = &settings.limits.offset;
-            let slowing =
-                (surface.normal * excess.max(0.0)).zip_map(reach, |slowing, reach| slowing.clamp(-reach, reach));
+            let slowing = SVector::from_fn(|axis, _| {
+                let reach = if inputs[axis] { settings.limits.offset[axis] } else { 0.0 };
+                (surface.normal[axis] * excess.max(0.0)).clamp(-reach, reach)
+            });
             let way = (&(sample.twist_reference + output.offset()), &(sample.twist_reference + slowing));
             constraints.bound_inward_speed(demand.inward_speed, &surface.normal, known_twist, way, options.steps());
         }
@@ -143,7 +148,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             },
             weights: &options.weights,
             jacobian: *sample.posture.jacobian(),
-            input_weight: options.input_weight * if demand.settles && !is_too_fast { SETTLING } else { 1.0 },
+            input_weight: options.input_weight * (1.0 + calm * (SETTLING - 1.0)),
             slack: holds.then_some(KEPT),
         };
         let solution = self.solve(situation, &prediction, known_twist, expired);

@@ -33,6 +33,8 @@ impl<const N: usize, const D: usize> Prediction<'_, N, D> {
             upper += one_end.sup(&other_end);
         }
         for known in self.known_reference {
+            // What bounds the joints is the reference itself, without the drift of the turning arm.
+            let known = known + self.drift;
             speed.lower = speed.lower.inf(&((known + lower) * (1.0 + ROOM)));
             speed.upper = speed.upper.sup(&((known + upper) * (1.0 + ROOM)));
         }

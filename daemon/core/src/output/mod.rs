@@ -207,7 +207,11 @@ impl<const D: usize> Output<D> {
             }
             Law::Mpc | Law::Damping { .. } => {
                 let step = self.rate_step(self.settings.timing.sampling_time.seconds());
-                let free = free.zip_map(&self.settings.offset_limit, |free, limit| free.clamp(-limit, limit));
+                let Settings { admittance, offset_limit, .. } = &self.settings;
+                let free = SVector::from_fn(|axis, _| {
+                    let reach = if admittance[axis] { offset_limit[axis] } else { 0.0 };
+                    free[axis].clamp(-reach, reach)
+                });
                 let offset = ramp::towards(&self.offset, &free, step);
                 (offset, if is_zero(&offset) { Source::None } else { Source::Ramp })
             }

@@ -148,3 +148,15 @@ fn a_released_offset_ramps_to_zero_at_the_release_rate() {
     }
     assert!(output.is_zero());
 }
+
+#[test]
+fn an_axis_without_admittance_has_no_offset_in_free_motion_either() {
+    let mut settings = parameters().output();
+    settings.admittance = [true, false];
+    let mut output = Output::new(settings);
+    for n in 1..20 {
+        let movement = output.go_on(&accepted(&pressing(0.0, n)), false, true, &Vector2::new(0.05, 0.05));
+        assert_eq!(movement.velocity_offset[1], 0.0);
+    }
+    assert!((output.offset()[0] - 0.05).abs() < 1e-12, "the other one has got there");
+}

@@ -11,7 +11,8 @@ use crate::surface::{STANDSTILL, Surface};
 const FOLLOWING: f64 = 0.01;
 /// Part of the speed of its approach at which the arm moves in once the impact is over.
 const RETURN: f64 = 0.25;
-/// After so long in free motion the surface that it bounced off is not there any more.
+/// For so long the arm is slow: in free motion after it bounced off, since then the surface is not
+/// there any more; and in contact once the impact is over, since then it has settled.
 const RETURN_FOR: Span = Span::from_nanoseconds(500_000_000);
 
 /// The way back to a surface that the tool has bounced off.
@@ -44,8 +45,14 @@ enum Impact {
     Braking,
     /// The arm moves out again, and may still touch.
     Rebound,
-    /// The arm has left the surface, or has come to rest on it.
-    Over,
+    /// The arm has left the surface, or has come to rest on it. Until then it moves in slowly.
+    Over { slow_until: Instant },
+}
+
+impl Impact {
+    fn over(now: Instant) -> Self {
+        Self::Over { slow_until: now + RETURN_FOR }
+    }
 }
 
 /// The memory of one contact, from the first axis that joins until the last one leaves.
@@ -67,13 +74,13 @@ pub(crate) struct ContactMemory<const D: usize> {
 }
 
 impl<const D: usize> ContactMemory<D> {
-    /// Of a contact that begins, for an arm that may have bounced off before.
-    pub(super) fn new(bounced: Option<Return>) -> Self {
+    /// Of a contact that begins `now`, for an arm that may have bounced off before.
+    pub(super) fn new(bounced: Option<Return>, now: Instant) -> Self {
         Self {
             reached: [false; D],
             deepest: [0.0; D],
             approach: 0.0,
-            impact: if bounced.is_some() { Impact::Over } else { Impact::Braking },
+            impact: if bounced.is_some() { Impact::over(now) } else { Impact::Braking },
             returned: bounced.map_or(f64::INFINITY, |bounced| bounced.speed),
             mismatches: 0,
             unsolved: 0,
@@ -95,9 +102,16 @@ impl<const D: usize> ContactMemory<D> {
     pub(super) fn follow_impact<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) {
         let (surface, posture) = (belief.surface(), &sample.posture);
         let speed = surface.outward_speed(&(posture.jacobian() * sample.joint_velocity));
+        self.go_on_with_impact(speed, surface.spring_force(posture.pose()) <= 0.0, sample.stamp);
+    }
+
+    /// The arm moves out of the surface at `speed` (m/s), and `has_left` it or has not.
+    fn go_on_with_impact(&mut self, speed: f64, has_left: bool, now: Instant) {
         self.impact = match self.impact {
             Impact::Braking if speed > STANDSTILL && self.has_reached() => Impact::Rebound,
-            Impact::Rebound if speed < 0.0 || surface.spring_force(posture.pose()) <= 0.0 => Impact::Over,
+            Impact::Rebound if speed < 0.0 || has_left => Impact::over(now),
+            // An arm that came back faster than it was told to has to be halted once more.
+            Impact::Over { .. } if -speed > self.returned + FOLLOWING && !self.has_reached() => Impact::Braking,
             stage => stage,
         };
     }
@@ -107,17 +121,24 @@ impl<const D: usize> ContactMemory<D> {
         self.impact != Impact::Braking
     }
 
-    /// The largest speed into the surface that may be commanded, in m/s, now that ṗ0 moves out of
-    /// it at `outward_speed`: what the approach had, and a part of that once the impact is over.
-    pub(super) fn inward_speed(&mut self, outward_speed: f64) -> f64 {
+    /// The largest speed into the surface that may be commanded, in m/s, `now` that ṗ0 moves out of
+    /// it at `outward_speed`: what the approach had, and a part of that for a while after the
+    /// impact.
+    pub(super) fn inward_speed(&mut self, outward_speed: f64, now: Instant) -> f64 {
         self.approach = self.approach.max(-outward_speed);
-        let part = if self.impact == Impact::Over && self.returned.is_infinite() { RETURN } else { 1.0 };
-        (self.approach * part).min(self.returned).max(FOLLOWING)
+        let is_slow = matches!(self.impact, Impact::Over { slow_until } if now < slow_until);
+        let speed = if is_slow { self.slow() } else { self.approach };
+        speed.max(FOLLOWING)
+    }
+
+    /// The speed of the way back, m/s: a part of the first approach, however often it bounces.
+    fn slow(&self) -> f64 {
+        if self.returned.is_finite() { self.returned.min(self.approach) } else { self.approach * RETURN }
     }
 
     /// The way back after a contact that ends `now`.
     pub(super) fn way_back(&self, now: Instant) -> Option<Return> {
-        let speed = (self.approach * RETURN).min(self.returned).max(FOLLOWING);
+        let speed = self.slow().max(FOLLOWING);
         self.is_settling().then(|| Return { speed, end: now + RETURN_FOR })
     }
 
@@ -136,5 +157,42 @@ impl<const D: usize> ContactMemory<D> {
         let deepest = &mut self.deepest[axis];
         *deepest = if force > 0.0 { deepest.max(force) } else { 0.0 };
         if *deepest > 0.0 { minimum_force.min(*deepest) } else { f64::NEG_INFINITY }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const START: Instant = Instant::from_nanoseconds(1_000_000_000);
+
+    /// A contact in which the arm was brought to a halt after an approach at `speed`.
+    fn halted(speed: f64) -> ContactMemory<2> {
+        let mut memory = ContactMemory::new(None, START);
+        assert_eq!(memory.inward_speed(-speed, START), speed, "as fast as it came");
+        memory.reached = [true, false];
+        memory.go_on_with_impact(0.02, false, START);
+        memory.go_on_with_impact(-0.01, false, START);
+        assert!(matches!(memory.impact, Impact::Over { .. }));
+        memory
+    }
+
+    #[test]
+    fn after_the_impact_the_arm_is_slow_for_a_while_and_then_follows_as_fast_as_it_came() {
+        let mut memory = halted(0.2);
+        for (since, expected) in [(0, 0.05), (499_999_999, 0.05), (500_000_000, 0.2)] {
+            let now = START + Span::from_nanoseconds(since);
+            assert_eq!(memory.inward_speed(-0.2, now), expected, "after {since} ns");
+        }
+    }
+
+    #[test]
+    fn a_touch_that_is_faster_than_the_way_back_is_an_impact_of_its_own() {
+        let back = halted(0.2).way_back(START);
+        for (speed, is_braking) in [(-0.05, false), (-0.2, true)] {
+            let mut memory = ContactMemory::<2>::new(back, START);
+            memory.go_on_with_impact(speed, false, START);
+            assert_eq!(memory.impact == Impact::Braking, is_braking, "at {speed} m/s");
+        }
     }
 }

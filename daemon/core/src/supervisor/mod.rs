@@ -136,12 +136,11 @@ impl<const D: usize> Supervisor<D> {
             (ModeName::Free, mode @ Mode::Free { .. }) => mode,
             (ModeName::Free, before) => {
                 let bounced = if let Mode::Contact(memory) = before { memory.way_back(at) } else { None };
-                let bounced = bounced.filter(|_| self.settings.inward_speed == InwardSpeed::Approach);
                 Mode::Free { pulled_since: None, bounced }
             }
             (ModeName::Contact, mode @ Mode::Contact(_)) => mode,
-            (ModeName::Contact, Mode::Free { bounced, .. }) => Mode::Contact(ContactMemory::new(bounced)),
-            (ModeName::Contact, _) => Mode::Contact(ContactMemory::new(None)),
+            (ModeName::Contact, Mode::Free { bounced, .. }) => Mode::Contact(ContactMemory::new(bounced, at)),
+            (ModeName::Contact, _) => Mode::Contact(ContactMemory::new(None, at)),
             (ModeName::Stopping | ModeName::Stopped, mode @ Mode::Stopped(_)) => mode,
             (ModeName::Stopping, mode @ Mode::Stopping(_)) => mode,
             (ModeName::Stopping, mode) => {
@@ -266,9 +265,9 @@ impl<const D: usize> Supervisor<D> {
         sample: &Accepted<N, D>,
         belief: &Belief<D>,
     ) -> SVector<f64, D> {
-        let is_enabled = self.is_enabled();
+        let may_slow = self.is_enabled() && self.settings.inward_speed == InwardSpeed::Approach;
         let Mode::Free { bounced, .. } = &mut self.mode else { return SVector::zeros() };
-        let way = bounced.filter(|_| is_enabled);
+        let way = bounced.filter(|_| may_slow);
         let offset = way.and_then(|way| way.offset(&sample.twist_reference, belief.surface(), sample.stamp));
         *bounced = way.filter(|_| offset.is_some());
         offset.unwrap_or_else(SVector::zeros)
@@ -332,7 +331,8 @@ impl<const D: usize> Supervisor<D> {
         let mut settles = false;
         if let Mode::Contact(memory) = &mut self.mode {
             if self.settings.inward_speed == InwardSpeed::Approach {
-                inward_speed = memory.inward_speed(belief.surface().outward_speed(twist_reference));
+                inward_speed =
+                    memory.inward_speed(belief.surface().outward_speed(twist_reference), situation.sample.stamp);
                 settles = memory.is_settling();
             }
             let leaves = belief.surface().is_left_by(twist_reference);

@@ -27,7 +27,7 @@ fn mode(name: ModeName) -> Mode<2> {
         ModeName::Idle => Mode::Idle(None),
         ModeName::Free => Mode::Free { pulled_since: None, bounced: None },
         ModeName::Contact => {
-            let mut memory = ContactMemory::new(None);
+            let mut memory = ContactMemory::new(None, BEGUN);
             memory.unsolved = 2;
             Mode::Contact(memory)
         }
