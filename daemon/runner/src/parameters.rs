@@ -36,7 +36,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
     let loops = config.robot.velocity_loops::<N>()?;
 
     let mut steps = [0.0; MAX_STEPS];
-    let horizon = match &mpc.step_lengths_s {
+    let mut horizon = match &mpc.step_lengths_s {
         Some(lengths) => {
             steps.iter_mut().zip(lengths).for_each(|(step, length)| *step = *length);
             lengths.len()
@@ -53,6 +53,11 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
             }
         },
     };
+    // The motion controller plays the plan by elapsed time: pieces of a cycle are steps like others.
+    let pieces = mpc.inputs_per_cycle as usize;
+    steps.copy_within(1..=MAX_STEPS - pieces, pieces);
+    steps[..pieces].fill(config.control.sampling_time_s / pieces as f64);
+    horizon = (horizon + pieces - 1).min(MAX_STEPS);
     let wrench = vector(&mpc.wrench_weight)?;
     let weights = match mpc.weights {
         WeightSpace::Joint => {

@@ -73,12 +73,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let holds = is_soft && bounds.as_slice().iter().any(|bound| bound.minimum > f64::NEG_INFINITY);
         // The offset of released axes is on its way to zero: a known input, beside ṗ0.
         let mut known_twist = [SVector::zeros(); MAX_STEPS];
-        let mut since = settings.timing.sampling_time.seconds();
+        let mut since = 0.0;
         for (twist, step) in known_twist.iter_mut().zip(options.steps()) {
+            since += step;
             let ramp = output.released_offset(since);
             let known = |axis: usize, _| sample.twist_reference[axis] + if inputs[axis] { 0.0 } else { ramp[axis] };
             *twist = SVector::from_fn(known);
-            since += step;
         }
         let known_twist = &known_twist[..options.steps().len()];
         let mut known_reference = [SVector::zeros(); MAX_STEPS];

@@ -25,7 +25,7 @@ impl Parts {
         Self { parts: [0.0; MAX_FORCE_POINTS], ranges: [(0, 0); MAX_STEPS] }
     }
 
-    /// Points whose times grow by 1/7 from one to the next, from 1/32 of the first step on until
+    /// Points whose times grow by 1/7 from one to the next, from 1/32 of the sampling time on until
     /// `slowest_lag` s have passed.
     ///
     /// Between two points δ apart a force exceeds the larger of them by at most δ² f̈ / 8. To come
@@ -35,10 +35,10 @@ impl Parts {
     /// the first sampling time of a plan is ever acted on before the next. What joints that still
     /// accelerate add within the first point is below 1/8000 of K_e Δ T_s²/T_V for a change Δ of
     /// their speed reference.
-    pub fn dense(durations: &[f64], slowest_lag: f64) -> Self {
+    pub fn dense(durations: &[f64], sampling_time: f64, slowest_lag: f64) -> Self {
         let mut parts = Self::none();
         let (mut start, mut count) = (0.0, 0);
-        let mut time = durations.first().map_or(0.0, |first| first * FIRST_POINT);
+        let mut time = sampling_time * FIRST_POINT;
         for (&duration, range) in durations.iter().zip(&mut parts.ranges) {
             range.0 = count;
             while time < (start + duration * (1.0 - NEAR_END)).min(slowest_lag) && count < MAX_FORCE_POINTS - MAX_STEPS

@@ -90,11 +90,16 @@ impl<const N: usize, const D: usize> Options<N, D> {
     }
 
     /// The horizon for these speed loops and a wrench estimate with T_est, in s.
-    pub fn horizon(&self, loops: &VelocityLoops<N>, wrench_time_constant: &SVector<f64, D>) -> Horizon<N, D> {
+    pub fn horizon(
+        &self,
+        sampling_time: f64,
+        loops: &VelocityLoops<N>,
+        wrench_time_constant: &SVector<f64, D>,
+    ) -> Horizon<N, D> {
         let steps = self.steps();
         let parts = match self.force_points {
             ForcePoints::StepEnds => Parts::none(),
-            ForcePoints::Dense => Parts::dense(steps, loops.slowest()),
+            ForcePoints::Dense => Parts::dense(steps, sampling_time, loops.slowest()),
         };
         Horizon::new(self.discretization, steps, |step| parts.of(step), loops, wrench_time_constant)
     }

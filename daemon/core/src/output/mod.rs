@@ -64,7 +64,7 @@ pub use under_way::MAX_DELAY_CYCLES;
 pub(crate) use under_way::UnderWay;
 
 use crate::intake::{Accepted, Timing};
-use crate::quantities::Instant;
+use crate::quantities::{Instant, Span};
 use crate::surface::Surface;
 use admittance_vocabulary::{Motion, Source};
 
@@ -264,8 +264,19 @@ impl<const D: usize> Output<D> {
 
     /// Records the answer to a sample or silence at `stamp`: its command acts one delay later.
     pub(crate) fn send<const N: usize>(&mut self, stamp: Instant, movement: &Movement<N, D>) {
-        let offset = (movement.motion == Motion::Offset).then_some(movement.velocity_offset);
-        self.under_way.push(stamp + self.settings.timing.command_delay, offset);
+        let from = stamp + self.settings.timing.command_delay;
+        if movement.motion == Motion::Hold {
+            return self.under_way.push(from, None);
+        }
+        self.under_way.push(from, Some(movement.velocity_offset));
+        // What the plan says until the next command.
+        let mut begin = Span::default();
+        for (offset, end) in self.plan.steps() {
+            if begin > Span::default() && begin < self.settings.timing.sampling_time {
+                self.under_way.push(from + begin, Some(*offset));
+            }
+            begin = end;
+        }
     }
 
     /// Offset of the last command after `since` s of ramping to zero on every axis.

@@ -5,7 +5,7 @@ use nalgebra::SVector;
 
 use super::Output;
 use crate::intake::Accepted;
-use crate::quantities::Instant;
+use crate::quantities::{Instant, Span};
 
 /// What the motion controller shall do now.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,8 +68,11 @@ impl<const D: usize> Output<D> {
     fn take_offset(&mut self, stamp: Instant) -> (SVector<f64, D>, bool) {
         let limited = self.plan.limit(&self.settings.offset_limit);
         self.limited += u64::from(limited);
-        self.offset = self.plan.at(stamp).unwrap_or_else(SVector::zeros);
-        (self.offset, limited)
+        let offset = self.plan.at(stamp).unwrap_or_else(SVector::zeros);
+        // The plan may have inputs within a cycle: the next one begins from the last of them.
+        let last = stamp + self.settings.timing.sampling_time - Span::from_nanoseconds(1);
+        self.offset = self.plan.at(last).unwrap_or(offset);
+        (offset, limited)
     }
 }
 

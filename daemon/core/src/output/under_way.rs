@@ -8,7 +8,7 @@ use crate::quantities::{Instant, Span};
 
 /// Commands kept. Of an instant before the oldest one nothing is known: there ṗ0 alone counts,
 /// without an offset.
-const COMMANDS: usize = 16;
+const COMMANDS: usize = 48;
 /// Longest command delay that is covered, in cycles.
 pub const MAX_DELAY_CYCLES: f64 = 8.0;
 

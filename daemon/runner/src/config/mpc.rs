@@ -75,6 +75,9 @@ config_section! {
         horizon: Option<u32>, unit "steps", range 2..=32;
         /// Length of each step, the first equal to the sampling time; not together with horizon.
         step_lengths_s: Option<Vec<f64>>, unit "s", range 0.0001..=0.1, length 2..=32;
+        /// Into how many equal parts the first step is divided, each with an input of its own. The
+        /// motion controller has to play the plan by elapsed time within its cycle.
+        inputs_per_cycle: u32 = 1, unit "inputs", range 1..=8;
         /// Where the force is bounded.
         force_points: ForcePointsName = ForcePointsName::Dense;
         /// Whether commands that are given but do not act yet (control.command_delay_s) are part of
