@@ -29,7 +29,7 @@ type Compiled = ((&'static str, &'static str), usize, Vec<(&'static str, usize, 
 fn compiled_layouts() -> Vec<Compiled> {
     vec![
         compiled!(StateSample v 1: sequence stamp_ns boot_id applied_command_sequence joint_count wrench_valid
-            drives_enabled reserved joint_position joint_velocity joint_position_reference twist_reference wrench),
+            drives_enabled plays_plan joint_position joint_velocity joint_position_reference twist_reference wrench),
         compiled!(CommandSample v 1: sequence stamp_ns boot_id state_sequence state_stamp_ns valid_until_ns fallback_count
             late_count missed_count rejected_count compute_time_ns joint_count motion mode source active_axes verdict
             verdict_axis verdict_side stop_reason plan_length verdict_time_s verdict_margin velocity_offset

@@ -30,12 +30,14 @@ pub(crate) fn lines(config: &Config) -> Vec<String> {
 fn horizon(config: &Config) -> String {
     let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
     let steps = with_arm!((joints, axes), <N, D> => {
-        parameters::parameters::<N, D>(config).map(|all| {
+        parameters::parameters::<N, D>(config, config.mpc.inputs_per_cycle).map(|all| {
             (all.mpc.horizon, all.mpc.steps.iter().take(all.mpc.horizon).sum::<f64>())
         })
     }, else None);
     let (count, length) = steps.unwrap_or_default();
-    format!("horizon: {} ms in {count} steps", short(length * 1e3))
+    let inputs = config.mpc.inputs_per_cycle;
+    let within = if inputs == 1 { String::new() } else { format!(", {inputs} of them within a cycle") };
+    format!("horizon: {} ms in {count} steps{within}", short(length * 1e3))
 }
 
 fn reach(config: &Config) -> String {
@@ -101,7 +103,7 @@ fn work(config: &Config, touch: &Touch, speed_m_s: f64) -> Result<String, String
     }
     let work = Arc::new(Work::default());
     let watched = Arc::clone(&work);
-    let cycle = cycle::build_with(config, None, move |solver| Watched { solver, work: watched })?;
+    let cycle = cycle::build_with(config, None, move |solver| Watched { solver, work: Arc::clone(&watched) })?;
     let plant = VirtualRun::new(&touch.scenario(config, speed_m_s)).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle, plant);
     while run.step()?.is_some() {}

@@ -7,7 +7,7 @@ use admittance_core::Controller;
 use admittance_core::belief::{Expected, JointMotion, Snapshot};
 use admittance_core::intake::{Event, SampleFault};
 use admittance_core::mpc::{ActiveSet, QpSolver};
-use admittance_core::quantities::Instant;
+use admittance_core::quantities::{Instant, Span};
 use admittance_core::robot::{SUPPORTED_ARMS, Singular};
 use admittance_core::supervisor::{EnableRefused, Ending, ResetRefused};
 use admittance_core::with_arm;
@@ -190,28 +190,36 @@ pub fn build_remembering(config: &Config, memory: &Memory) -> Result<Box<dyn Cyc
 pub fn build_with<S: QpSolver + Send + 'static>(
     config: &Config,
     memory: Option<&Memory>,
-    wrap: impl FnOnce(Solver) -> S,
+    wrap: impl Fn(Solver) -> S,
 ) -> Result<Box<dyn Cycle>, String> {
     let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
     with_arm!((joints, axes), <N, D> => {
-        let parameters = parameters::parameters::<N, D>(config)
-            .ok_or("the configuration's lists do not fit the arm: run admittancectl validate on it")?;
-        let capacity = parameters.solver_capacity();
-        let solver = ActiveSet::new(capacity, config.mpc.max_iterations, zeros(capacity.storage_len()))
-            .ok_or("the horizon is longer than the solver takes")?;
-        let storage = zeros(parameters.storage_len());
-        let controller = Controller::new(parameters, wrap(solver), storage).map_err(|error| error.to_string())?;
-        let controller = match memory {
-            Some(memory) => {
-                let [velocity, acceleration] =
-                    memory.joint_motion.map(|joints| SVector::<f64, N>::from_fn(|joint, _| joints[joint]));
-                let controller = controller.believing(&memory.belief).feeling(&memory.tool_acceleration.into());
-                controller.moving(&JointMotion { velocity, acceleration })
-            }
-            None => controller,
+        let controller = |inputs_per_cycle: u32| -> Result<_, String> {
+            let parameters = parameters::parameters::<N, D>(config, inputs_per_cycle)
+                .ok_or("the configuration's lists do not fit the arm: run admittancectl validate on it")?;
+            let capacity = parameters.solver_capacity();
+            let solver = ActiveSet::new(capacity, config.mpc.max_iterations, zeros(capacity.storage_len()))
+                .ok_or("the horizon is longer than the solver takes")?;
+            let storage = zeros(parameters.storage_len());
+            let controller = Controller::new(parameters, wrap(solver), storage).map_err(|error| error.to_string())?;
+            Ok(Box::new(match memory {
+                Some(memory) => {
+                    let [velocity, acceleration] =
+                        memory.joint_motion.map(|joints| SVector::<f64, N>::from_fn(|joint, _| joints[joint]));
+                    let controller = controller.believing(&memory.belief).feeling(&memory.tool_acceleration.into());
+                    controller.moving(&JointMotion { velocity, acceleration })
+                }
+                None => controller,
+            }))
         };
-        let command_delay = parameters.timing.command_delay;
-        Ok(Box::new(ArmCycle { controller, command_delay, settings: Settings::of(config) }))
+        let inputs = config.mpc.inputs_per_cycle;
+        Ok(Box::new(ArmCycle {
+            controller: controller(1)?,
+            other: if inputs > 1 { Some(controller(inputs)?) } else { None },
+            plays_plan: false,
+            command_delay: Span::from_seconds(config.control.command_delay_s),
+            settings: Settings::of(config),
+        }))
     }, else {
         Err(format!("robot: {joints} joints with {axes} task axes: accepted are {SUPPORTED_ARMS}"))
     })
@@ -222,12 +230,26 @@ fn zeros(length: usize) -> Box<[f64]> {
 }
 
 struct ArmCycle<const N: usize, const D: usize, S> {
-    controller: Controller<N, D, S, Box<[f64]>>,
-    command_delay: admittance_core::quantities::Span,
+    controller: Box<Controller<N, D, S, Box<[f64]>>>,
+    /// The one for a motion controller that differs in whether it plays the plan within its cycle;
+    /// `None` where there is one input per cycle for all.
+    other: Option<Box<Controller<N, D, S, Box<[f64]>>>>,
+    /// Whether the last sample's motion controller does.
+    plays_plan: bool,
+    command_delay: Span,
     settings: Settings,
 }
 
 impl<const N: usize, const D: usize, S: QpSolver + Send + 'static> ArmCycle<N, D, S> {
+    /// Whoever follows the first input for a whole cycle must get one that is meant for it.
+    fn suit(&mut self, plays_plan: bool) {
+        if let Some(other) = self.other.as_mut().filter(|_| plays_plan != self.plays_plan) {
+            other.take_over(&self.controller);
+            std::mem::swap(&mut self.controller, other);
+        }
+        self.plays_plan = plays_plan;
+    }
+
     /// Takes an event. `valid_from` is the instant from which the command is valid, `planned_from`
     /// the one from which its plan counts.
     fn step(
@@ -280,6 +302,7 @@ impl<const N: usize, const D: usize, S: QpSolver + Send + 'static> Cycle for Arm
     ) -> CycleReport {
         command.state_sequence = state.sequence;
         command.state_stamp_ns = state.stamp_ns;
+        self.suit(state.plays_plan == 1);
         self.step(Event::Sample(&wire::sample(state)), now, expired, command)
     }
 
@@ -331,7 +354,8 @@ impl<const N: usize, const D: usize, S: QpSolver + Send + 'static> Cycle for Arm
     fn take_over(&mut self, old: &dyn Cycle) -> bool {
         let Some(old) = old.as_any().downcast_ref::<Self>() else { return false };
         // Without `..`: a new field has to say here what becomes of it.
-        let Self { controller, command_delay: _, settings: _ } = old;
+        let Self { controller, other: _, plays_plan, command_delay: _, settings: _ } = old;
+        self.suit(*plays_plan);
         self.controller.take_over(controller);
         true
     }

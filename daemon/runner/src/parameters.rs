@@ -25,10 +25,10 @@ const HORIZON_LAGS: f64 = 3.0;
 /// Largest KKT residual of a usable solution, as a multiple of mpc.solver_tolerance.
 const RESIDUAL_FACTOR: f64 = 1e3;
 
-/// The parameters for N joints and D axes; `None` if the configuration is for another arm.
+/// The parameters for N joints and D axes, and for so many inputs within a cycle; `None` if the configuration is for another arm.
 ///
 /// The configuration has passed its checks: lengths and ranges are as declared.
-pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Parameters<N, D>> {
+pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cycle: u32) -> Option<Parameters<N, D>> {
     let chain = config.robot.chain::<N>()?;
     let vector = |values: &[f64]| (values.len() == D).then(|| SVector::<f64, D>::from_column_slice(values));
     let joints = |values: &[f64]| (values.len() == N).then(|| SVector::<f64, N>::from_column_slice(values));
@@ -54,10 +54,10 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config) -> Option<Par
         },
     };
     // The motion controller plays the plan by elapsed time: pieces of a cycle are steps like others.
-    let pieces = mpc.inputs_per_cycle as usize;
+    let pieces = inputs_per_cycle as usize;
     steps.copy_within(1..=MAX_STEPS - pieces, pieces);
     steps[..pieces].fill(config.control.sampling_time_s / pieces as f64);
-    horizon = (horizon + pieces - 1).min(MAX_STEPS);
+    horizon += pieces - 1;
     let wrench = vector(&mpc.wrench_weight)?;
     let weights = match mpc.weights {
         WeightSpace::Joint => {

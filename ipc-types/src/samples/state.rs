@@ -26,8 +26,9 @@ wire_sample! {
              ignored).";
         40 drives_enabled: u32 ["1", "0 or 1"]
             "1 when the drives follow commands; 0 = disabled or braked.";
-        44 reserved: u32 ["1", "0"]
-            "Not used: zero.";
+        44 plays_plan: u32 ["1", "0 or 1"]
+            "1 when the motion controller plays the planned offsets of a command by elapsed time within its cycle too; \
+             0 = it follows the velocity offset until the next command, and gets one input per cycle.";
         48 joint_position: [f64; MAX_JOINTS] ["rad", "finite; within the arm's joint limits"]
             "Measured joint positions q.";
         112 joint_velocity: [f64; MAX_JOINTS] ["rad/s", "finite"]

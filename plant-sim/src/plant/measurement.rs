@@ -59,6 +59,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             joint_count: N as u32,
             wrench_valid: 1,
             drives_enabled: 1,
+            plays_plan: 1,
             joint_position: pad(position.as_slice()),
             joint_velocity: pad(velocity.as_slice()),
             joint_position_reference: pad(self.position_reference.as_slice()),
@@ -70,7 +71,6 @@ impl<const N: usize, const D: usize> Plant<N, D> {
                     sensor.reading(&at_tcp.into(), &self.kinematics.pose.rotation).into()
                 },
             ),
-            ..StateSample::zeroed()
         };
         self.parameters.faults.falsify(&mut self.sample, self.index);
     }

@@ -25,7 +25,7 @@ fn sample(bytes: &[u8]) -> StateSample {
         joint_count: word(32),
         wrench_valid: word(36),
         drives_enabled: word(40),
-        reserved: word(44),
+        plays_plan: word(44),
         joint_position: joints(48),
         joint_velocity: joints(112),
         joint_position_reference: joints(176),

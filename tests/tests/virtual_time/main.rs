@@ -7,6 +7,7 @@ mod default_profile;
 mod detection;
 mod foreign_contact;
 mod heavy_tool;
+mod inputs_within_the_cycle;
 mod limits_are_constraints;
 mod paper_experiment;
 mod settling;

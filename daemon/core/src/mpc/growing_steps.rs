@@ -4,7 +4,7 @@
 use crate::output::MAX_STEPS;
 
 /// Longest horizon of [`growing_steps`].
-const GROWING_STEPS: usize = 16;
+pub const GROWING_STEPS: usize = 16;
 /// How many of them are as long as the first.
 const EVEN_STEPS: usize = 4;
 

@@ -80,7 +80,7 @@ pub mod warm_start;
 use nalgebra::SVector;
 
 pub use cost::Weights;
-pub use growing_steps::growing_steps;
+pub use growing_steps::{GROWING_STEPS, growing_steps};
 pub use model::Discretization;
 pub use options::{ForcePoints, InputSelection, InwardSpeed, LowerBound, Options};
 pub use qp::{ActiveSet, QpSolver, SolverCapacity};
@@ -178,7 +178,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     /// [`Capacity`](condensation::Capacity) of the horizon asks for.
     pub(crate) fn new(settings: Settings<N, D>, solver: S, storage: B) -> Option<Self> {
         let options = &settings.options;
-        let horizon = options.horizon(settings.timing.sampling_time.seconds(), &settings.loops, &settings.wrench_time_constant);
+        let horizon =
+            options.horizon(settings.timing.sampling_time.seconds(), &settings.loops, &settings.wrench_time_constant);
         Some(Self {
             workspace: Workspace::new(&horizon, &options.weights, storage)?,
             horizon,

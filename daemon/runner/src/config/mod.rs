@@ -193,7 +193,8 @@ fn check_velocity_loop(config: &Config, errors: &mut Vec<ConfigError>) {
     let dead_times = velocity_loop.dead_time_s.iter().flatten().copied();
     let (least, most) = dead_times.fold((f64::INFINITY, 0.0), |(least, most), t| (t.min(least), t.max(most)));
     let sampling_time = config.control.sampling_time_s;
-    let shortest = mpc.step_lengths_s.iter().flatten().copied().fold(sampling_time, f64::min);
+    let shortest =
+        mpc.step_lengths_s.iter().flatten().copied().fold(sampling_time / f64::from(mpc.inputs_per_cycle), f64::min);
     if Span::from_seconds(most - least) > Span::from_seconds(shortest) {
         let accepted = format!("values at most {shortest} s apart, the shortest step of the prediction");
         errors.push(ConfigError::new(key("dead_time_s"), format!("{least} to {most}"), accepted));

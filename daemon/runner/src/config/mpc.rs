@@ -1,5 +1,7 @@
 //! `[mpc]`: horizon, cost and bounds of the prediction.
 
+use admittance_core::mpc::GROWING_STEPS;
+use admittance_core::output::MAX_STEPS;
 use admittance_host::config::ConfigError;
 use admittance_host::{config_enum, config_section};
 
@@ -75,8 +77,9 @@ config_section! {
         horizon: Option<u32>, unit "steps", range 2..=32;
         /// Length of each step, the first equal to the sampling time; not together with horizon.
         step_lengths_s: Option<Vec<f64>>, unit "s", range 0.0001..=0.1, length 2..=32;
-        /// Into how many equal parts the first step is divided, each with an input of its own. The
-        /// motion controller has to play the plan by elapsed time within its cycle.
+        /// Into how many equal parts the first step is divided, each with an input of its own: with
+        /// a slow cycle the arm may so approach faster. The motion controller has to play the plan
+        /// within its cycle, and says so in its samples (`plays_plan`); else there is one input.
         inputs_per_cycle: u32 = 1, unit "inputs", range 1..=8;
         /// Where the force is bounded.
         force_points: ForcePointsName = ForcePointsName::Dense;
@@ -107,12 +110,19 @@ config_section! {
         max_iterations: u32 = 300, unit "iterations", range 5..=2000;
         removed solver "there is one solver, the active-set method; Clarabel judges it in admittance-lab";
     }
-    cross_check one_kind_of_horizon;
+    cross_check check_horizon;
 }
 
-fn one_kind_of_horizon(mpc: &MpcSection, path: &str, errors: &mut Vec<ConfigError>) {
+fn check_horizon(mpc: &MpcSection, path: &str, errors: &mut Vec<ConfigError>) {
     if mpc.horizon.is_some() && mpc.step_lengths_s.is_some() {
         let accepted = format!("{path}.horizon or {path}.step_lengths_s, or neither");
         errors.push(ConfigError::new(format!("{path}.horizon"), "given together with step_lengths_s", accepted));
+    }
+    let longest = GROWING_STEPS as u32;
+    let steps = mpc.step_lengths_s.as_ref().map_or(mpc.horizon.unwrap_or(longest), |steps| steps.len() as u32);
+    let most = (MAX_STEPS as u32 + 1).saturating_sub(steps);
+    if mpc.inputs_per_cycle > most {
+        let accepted = format!("at most {most}: a horizon of {steps} steps may have {MAX_STEPS} with those");
+        errors.push(ConfigError::new(format!("{path}.inputs_per_cycle"), mpc.inputs_per_cycle, accepted));
     }
 }
