@@ -41,6 +41,11 @@ const OUTLIERS: u32 = 8;
 const SETTLED: u32 = 32;
 /// Largest relative deviation of the period that is believed; one of 1 % ends control.
 const DRIFT: f64 = 0.02;
+/// Part of a period after which a sample is looked for that was not notified, then after twice that
+/// each time.
+const GRACE: f64 = 0.125;
+/// Periods for which it is looked for.
+const EXPECTED: f64 = 2.0;
 /// Part of a period by which the latency moves towards a sample's.
 const LATENCY_STEP: f64 = 0.001;
 
@@ -106,9 +111,27 @@ impl ArrivalEstimate {
     /// period after the last one was seen, whatever its sequence and stamp said: the thread may
     /// sleep until then.
     pub(crate) fn next(&self) -> Option<u64> {
+        self.track.as_ref().map(|track| self.not_late(track, track.phase + track.period + track.latency))
+    }
+
+    /// For how long a thread that is woken by notifications may block before it looks for the next
+    /// sample all the same: that is how one is found whose notification never comes. `None` when
+    /// none is expected any more.
+    ///
+    /// Counted from the stamp that is expected: a latency that had become longer by looking late
+    /// would make the next look later still.
+    pub(crate) fn look_after(&self, now: u64) -> Option<u64> {
         let track = self.track.as_ref()?;
-        let latest = track.seen.saturating_add((self.nominal * (1.0 + 2.0 * GATE)) as u64);
-        Some(((track.phase + track.period + track.latency) as u64).min(latest))
+        let first = self.not_late(track, track.phase + track.period).saturating_add((self.nominal * GRACE) as u64);
+        if now < first {
+            return Some(first - now);
+        }
+        let is_expected = now < first.saturating_add((self.nominal * EXPECTED) as u64);
+        is_expected.then_some((self.nominal * 2.0 * GRACE) as u64)
+    }
+
+    fn not_late(&self, track: &Track, expected: f64) -> u64 {
+        (expected as u64).min(track.seen.saturating_add((self.nominal * (1.0 + 2.0 * GATE)) as u64))
     }
 }
 
@@ -197,6 +220,18 @@ mod tests {
                 assert!(by_arrival.error(5_000).abs() <= 2.0 * shift);
             }
         }
+    }
+
+    #[test]
+    fn a_sample_is_looked_for_soon_after_it_is_due_notified_or_not() {
+        let mut clock = settled(PERIOD as f64);
+        // Found an eighth of a period late for ever: it does not become later.
+        (0..5000).for_each(|_| clock.sample(0, PERIOD / 8));
+        let (due, seen) = (clock.instant(clock.sequence + 1), clock.instant(clock.sequence) + PERIOD / 8);
+        assert!(clock.estimate.look_after(seen).expect("expected").abs_diff(due + PERIOD / 8 - seen) < 100);
+        assert_eq!(clock.estimate.look_after(due + PERIOD / 2), Some(PERIOD / 4));
+        assert_eq!(clock.estimate.look_after(due + 3 * PERIOD), None, "the controller has ended");
+        assert_eq!(ArrivalEstimate::new(PERIOD).look_after(due), None);
     }
 
     #[test]
