@@ -240,6 +240,7 @@ impl<P: Probe> Loop<'_, P> {
                 let spin = self.timing.spin;
                 if let Some(due) = self.arrival.next().filter(|due| now < due.saturating_add(spin)) {
                     let from = due.saturating_sub(spin);
+                    self.arrival.look(now < from);
                     return if now < from { sleep_until_ns(from) } else { std::hint::spin_loop() };
                 }
             }
@@ -247,6 +248,7 @@ impl<P: Probe> Loop<'_, P> {
         // Notified or not: the next turn looks for a sample, and at the clock.
         let silent = self.timing.max_sample_age.saturating_sub(now - last_event);
         let brief = self.arrival.look_after(now).unwrap_or(2 * self.timing.sampling_time);
+        self.arrival.look(false);
         self.is_unnotified = !self.ports.arrivals.block(silent.min(brief));
     }
 
