@@ -7,7 +7,7 @@ use admittance_core::quantities::Span;
 use crate::channel::CycleRecord;
 
 /// Samples over which it is judged whether they are notified.
-const JUDGED: u64 = 100;
+const JUDGED: u64 = 25;
 
 /// What has accumulated since the last lines.
 #[derive(Debug, Default)]

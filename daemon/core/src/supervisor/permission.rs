@@ -5,9 +5,9 @@ use admittance_vocabulary::StopReason;
 use super::{Cause, Mode, Supervisor};
 use crate::intake::Accepted;
 
-/// Of the last 100 samples so many may be missed: the law, its verdicts and guards count on one
-/// every T_s, and each one less is a cycle in which a touch is not seen.
-const MOST_MISSED: u32 = 25;
+/// Of the last 100 samples so many may be missed, a third: the law, its verdicts and guards count on
+/// one every T_s, and each one less is a cycle in which a touch is not seen.
+const MOST_MISSED: u32 = 33;
 /// Control that has ended for that does not begin again before there are fewer.
 const FEW_MISSED: u32 = 10;
 

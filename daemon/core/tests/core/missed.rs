@@ -60,8 +60,8 @@ fn stopped_at<S: QpSolver>(
 }
 
 #[test]
-fn more_than_a_quarter_missed_again_and_again_is_a_stop() {
-    let cases = [(13, 12), (2, 1), (3, 2), (3, 1), (4, 1), (5, 1), (40, 8), (50, 15)];
+fn more_than_a_third_missed_again_and_again_is_a_stop() {
+    let cases = [(13, 12), (2, 1), (3, 2), (5, 2), (3, 1), (4, 1), (40, 8), (50, 18)];
     let found = cases.map(|(period, missed)| {
         let (mut controller, _) = touched(bridging(20), &[]);
         (period, missed, stopped_at(&mut controller, contact, period, missed))
@@ -69,8 +69,8 @@ fn more_than_a_quarter_missed_again_and_again_is_a_stop() {
     let stopped = |of: usize| found[of].2;
     // The third gap of twelve.
     assert_eq!(stopped(0), Some(3 + 3 * 13), "{found:?}");
-    assert!((1..=3).all(|case| stopped(case).is_some_and(|at| at <= 85)), "{found:?}");
-    assert!((4..=6).all(|case| stopped(case).is_none()), "a quarter at most: {found:?}");
+    assert!((1..=3).all(|case| stopped(case).is_some_and(|at| at <= 90)), "{found:?}");
+    assert!((4..=6).all(|case| stopped(case).is_none()), "a third at most: {found:?}");
     assert!(stopped(7).is_some(), "{found:?}");
 }
 
