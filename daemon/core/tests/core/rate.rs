@@ -88,7 +88,7 @@ fn stops(count: u64, mut stamp: impl FnMut(u64) -> u64) -> Vec<WrongRate> {
             let sample = Sample { stamp: begun + ns(stamp(sequence - 2)), ..contact(sequence) };
             let outcome = step(&mut controller, &sample);
             let is_stop = outcome.stop_reason == Some(StopReason::RateMismatch);
-            is_stop.then(|| outcome.wrong_rate).flatten()
+            outcome.wrong_rate.filter(|_| is_stop)
         })
         .collect()
 }
@@ -113,7 +113,7 @@ fn jitter_is_no_rate_and_the_advice_is_right_or_absent() {
     }
     assert!(!wrong.is_empty());
     // Every other cycle is half as long again: no cycle of this length could be configured.
-    let uneven = stops(400, |cycle| cycle * CYCLE + (cycle + 1) / 2 * (CYCLE / 2) + cycle % 3 * (CYCLE / 8));
+    let uneven = stops(400, |cycle| cycle * CYCLE + cycle.div_ceil(2) * (CYCLE / 2) + cycle % 3 * (CYCLE / 8));
     assert!(uneven.first().is_some_and(|rate| !rate.is_even), "{:?}", uneven.first());
 }
 
