@@ -286,8 +286,7 @@ impl<const N: usize, const D: usize, S: QpSolver + Send + 'static> Cycle for Arm
     ) -> CycleReport {
         // A sample without a number cannot be named: the command goes on naming the one before.
         if state.sequence > 0 {
-            command.state_sequence = state.sequence;
-            command.state_stamp_ns = state.stamp_ns;
+            (command.state_sequence, command.state_stamp_ns) = (state.sequence, state.stamp_ns);
         }
         self.step(Event::Sample(&wire::sample(state)), now, expired, command)
     }
