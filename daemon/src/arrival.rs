@@ -4,7 +4,9 @@
 //! Sample n is expected at stamp φ + n P and seen `latency` later. Phase φ and period P follow the
 //! stamps like a second-order phase-locked loop, the latency the median of what it was. A late
 //! sample, by its stamp or by its arrival, tells nothing about the clock: its stamp is ignored, and
-//! its latency counts like any other above the median.
+//! its latency counts like any other above the median. Of a sample that was there already when the
+//! thread woke up from a sleep the latency is not known, only that it was no longer: else a thread
+//! that wakes late would sleep ever longer.
 
 /// The controller's clock as the samples so far tell it; times in ns of CLOCK_MONOTONIC.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,6 +15,8 @@ pub(crate) struct ArrivalEstimate {
     nominal: f64,
     /// What is known about the run that samples come from; nothing before the first one.
     track: Option<Track>,
+    /// Whether the thread has slept since it last looked.
+    has_slept: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,13 +45,23 @@ const OUTLIERS: u32 = 8;
 const SETTLED: u32 = 32;
 /// Largest relative deviation of the period that is believed; one of 1 % ends control.
 const DRIFT: f64 = 0.02;
+/// Part of a period after which a sample is looked for that was not notified, then after twice that
+/// each time.
+const GRACE: f64 = 0.125;
+/// Periods for which it is looked for.
+const EXPECTED: f64 = 2.0;
 /// Part of a period by which the latency moves towards a sample's.
 const LATENCY_STEP: f64 = 0.001;
 
 impl ArrivalEstimate {
     /// Nothing seen of a controller with this sampling time in ns.
     pub(crate) fn new(sampling_time: u64) -> Self {
-        Self { nominal: sampling_time as f64, track: None }
+        Self { nominal: sampling_time as f64, track: None, has_slept: false }
+    }
+
+    /// Records that the thread looks: after a sleep, or after a look that found nothing.
+    pub(crate) fn look(&mut self, after_sleep: bool) {
+        self.has_slept = after_sleep;
     }
 
     /// Records a sample that was stamped at `stamp` and seen at `seen`.
@@ -99,16 +113,37 @@ impl ArrivalEstimate {
         track.period += period_gain * error / steps;
         track.period = track.period.clamp(self.nominal * (1.0 - DRIFT), self.nominal * (1.0 + DRIFT));
         let step = self.nominal * LATENCY_STEP;
-        track.latency += ((seen - stamp) as f64 - track.latency).clamp(-step, step);
+        let longer = (seen - stamp) as f64 - track.latency;
+        track.latency += if self.has_slept { -step } else { longer.clamp(-step, step) };
+        // Spinning may have to begin before the stamp, where waking up takes longer than it lasts.
+        track.latency = track.latency.max(-self.nominal * GATE);
     }
 
     /// When the next sample is expected; `None` before the first one. Never much later than a
     /// period after the last one was seen, whatever its sequence and stamp said: the thread may
     /// sleep until then.
     pub(crate) fn next(&self) -> Option<u64> {
+        self.track.as_ref().map(|track| self.not_late(track, track.phase + track.period + track.latency))
+    }
+
+    /// For how long a thread that is woken by notifications may block before it looks for the next
+    /// sample all the same: that is how one is found whose notification never comes. `None` when
+    /// none is expected any more.
+    ///
+    /// Counted from the stamp that is expected: a latency that had become longer by looking late
+    /// would make the next look later still.
+    pub(crate) fn look_after(&self, now: u64) -> Option<u64> {
         let track = self.track.as_ref()?;
-        let latest = track.seen.saturating_add((self.nominal * (1.0 + 2.0 * GATE)) as u64);
-        Some(((track.phase + track.period + track.latency) as u64).min(latest))
+        let first = self.not_late(track, track.phase + track.period).saturating_add((self.nominal * GRACE) as u64);
+        if now < first {
+            return Some(first - now);
+        }
+        let is_expected = now < first.saturating_add((self.nominal * EXPECTED) as u64);
+        is_expected.then_some((self.nominal * 2.0 * GRACE) as u64)
+    }
+
+    fn not_late(&self, track: &Track, expected: f64) -> u64 {
+        (expected as u64).min(track.seen.saturating_add((self.nominal * (1.0 + 2.0 * GATE)) as u64))
     }
 }
 
@@ -197,6 +232,36 @@ mod tests {
                 assert!(by_arrival.error(5_000).abs() <= 2.0 * shift);
             }
         }
+    }
+
+    #[test]
+    fn a_sample_is_looked_for_soon_after_it_is_due_notified_or_not() {
+        let mut clock = settled(PERIOD as f64);
+        // Found an eighth of a period late for ever: it does not become later.
+        (0..5000).for_each(|_| clock.sample(0, PERIOD / 8));
+        let (due, seen) = (clock.instant(clock.sequence + 1), clock.instant(clock.sequence) + PERIOD / 8);
+        assert!(clock.estimate.look_after(seen).expect("expected").abs_diff(due + PERIOD / 8 - seen) < 100);
+        assert_eq!(clock.estimate.look_after(due + PERIOD / 2), Some(PERIOD / 4));
+        assert_eq!(clock.estimate.look_after(due + 3 * PERIOD), None, "the controller has ended");
+        assert_eq!(ArrivalEstimate::new(PERIOD).look_after(due), None);
+    }
+
+    #[test]
+    fn a_thread_that_wakes_late_does_not_sleep_ever_longer() {
+        let mut clock = settled(PERIOD as f64);
+        let (spin, wake_up) = (10_000, 70_000);
+        let mut latest = 0;
+        for _ in 0..20_000 {
+            // It sleeps until shortly before the sample is due, wakes up late, and looks.
+            let arrives = clock.instant(clock.sequence + 1) + 5_000;
+            let awake = clock.estimate.next().expect("samples were seen") - spin + wake_up;
+            clock.estimate.look(awake >= arrives);
+            // By a notification, where it is still to come.
+            let seen = if awake >= arrives { awake } else { arrives + wake_up };
+            latest = latest.max(seen - arrives);
+            clock.sample(0, 5_000 + seen - arrives);
+        }
+        assert!(latest <= 2 * wake_up, "{latest} ns after it arrived");
     }
 
     #[test]

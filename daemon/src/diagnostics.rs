@@ -116,10 +116,10 @@ impl Diagnostics {
         self.sample.wrench
     }
 
-    /// Takes a cycle in. A silence is none.
+    /// Takes a cycle in. A silence is none, nor is a sample that cannot be answered.
     pub(crate) fn cycle(&mut self, record: &RecordSample) {
         let command = &record.command;
-        if record.kind != RecordKind::Sample.code() {
+        if record.kind != RecordKind::Sample.code() || command.state_sequence == 0 {
             return;
         }
         self.sample.cycles += 1;

@@ -1,12 +1,16 @@
 //! What is logged about cycles: each change of mode, each kind of fault at most once a second with
 //! its count.
 
-use admittance_core::intake::SampleFault;
+mod samples;
+
+use admittance_core::intake::{Arrival, SampleFault};
 use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::clock::monotonic_ns;
+use admittance_runner::cycle::CycleReport;
 use ipc_types::{Mode, Motion, Side, StopReason, Verdict};
 
 use crate::channel::CycleRecord;
+use samples::Samples;
 
 /// Least time in ns between two log lines about faults.
 const FAULT_INTERVAL_NS: u64 = 1_000_000_000;
@@ -16,6 +20,7 @@ pub(crate) struct CycleLog {
     last: Option<(u32, u32)>,
     faults: u64,
     fault: String,
+    samples: Samples,
     logged_at: u64,
     limited: u64,
     dropped: u64,
@@ -38,6 +43,7 @@ impl CycleLog {
             self.faults += 1;
             self.fault = fault.to_string();
         }
+        self.samples.cycle(record);
         self.limited += u64::from(record.report.limited);
     }
 
@@ -56,7 +62,7 @@ impl CycleLog {
         if dropped > self.dropped {
             tracing::warn!(count = dropped - self.dropped, "cycle records dropped: the service thread was too slow");
         }
-        if self.faults > 0 || self.limited > 0 || dropped > self.dropped {
+        if self.samples.flush() || self.faults > 0 || self.limited > 0 || dropped > self.dropped {
             self.logged_at = now;
         }
         (self.faults, self.limited, self.dropped) = (0, 0, dropped);
@@ -96,14 +102,52 @@ fn explanation(record: &CycleRecord) -> String {
                 singular.reciprocal_condition
             )
         }),
-        Some(StopReason::RateMismatch) => record.report.wrong_rate.map_or_else(String::new, |mean| {
-            format!(
-                ", samples come every {:.4} ms on average: set control.sampling_time_s to the controller's cycle",
-                mean * 1e3
-            )
+        Some(StopReason::RateMismatch) => record.report.wrong_rate.map_or_else(String::new, |rate| {
+            let spacing = rate.spacing * 1e3;
+            if rate.is_even {
+                format!(", samples come every {spacing:.4} ms: set control.sampling_time_s to the controller's cycle")
+            } else {
+                format!(
+                    ", samples come unevenly, every {spacing:.4} ms in the median: stamp_ns must be when the state was \
+                     measured, once in control.sampling_time_s"
+                )
+            }
         }),
+        Some(StopReason::SamplesMissed) => match record.report.arrival {
+            Some(Arrival { missed_lately, missed, age, .. }) if missed > 0 => format!(
+                ", {missed} state samples before this one were missed, {missed_lately} of the last {}: what the law acted \
+                 on was {:.1} ms old",
+                Arrival::LATELY,
+                age.seconds() * 1e3
+            ),
+            _ => format!(", {} state samples were missed since the start", command.missed_count),
+        },
         Some(StopReason::SampleStale | StopReason::SampleInvalid | StopReason::JointCount) => {
             record.report.fault.map_or_else(String::new, |fault| format!(", {fault}"))
+        }
+        // Not in control, for want of a sample that could be used.
+        None if command.mode == Mode::Idle.code() => {
+            record.report.fault.map_or_else(String::new, |fault| format!(", {fault}"))
+        }
+        _ => String::new(),
+    }
+}
+
+/// What is wrong with how samples come or with what they say, while the law goes on or the arm is
+/// stopped for something else.
+fn complaint(record: &CycleRecord) -> String {
+    let CycleReport { arrival, fault, .. } = record.report;
+    let stop_reason = StopReason::from_code(record.sample.command.stop_reason);
+    match (arrival, fault) {
+        (Some(Arrival { missed_lately, .. }), _)
+            if missed_lately > 0 && stop_reason != Some(StopReason::SamplesMissed) =>
+        {
+            format!(", {missed_lately} of the last {} state samples missed", Arrival::LATELY)
+        }
+        (_, Some(fault @ SampleFault::Jump { .. })) if record.sample.command.mode == Mode::Stopped.code() => {
+            let is_told = stop_reason == Some(StopReason::SampleInvalid);
+            let what = if is_told { String::new() } else { format!(", {fault}") };
+            what + "; a reset accepts where it is now"
         }
         _ => String::new(),
     }
@@ -131,5 +175,5 @@ pub(crate) fn status_sentence(last: Option<&CycleRecord>) -> String {
     if command.verdict == Verdict::Feasible.code() {
         text += &format!(", feasible with {:.1} N to spare", command.verdict_margin);
     }
-    text + &explanation(record)
+    text + &explanation(record) + &complaint(record)
 }

@@ -116,6 +116,7 @@ impl RealtimeThread {
             command: CommandSample { boot_id: self.boot_id, ..CommandSample::zeroed() },
             arrival: ArrivalEstimate::new(self.timing.sampling_time),
             late: 0,
+            is_unnotified: false,
             stopping: false,
             probe,
         };
@@ -159,6 +160,8 @@ struct Loop<'a, P> {
     arrival: ArrivalEstimate,
     /// Answers published after their deadline.
     late: u64,
+    /// Whether the last wait ended although no notification came.
+    is_unnotified: bool,
     stopping: bool,
     probe: P,
 }
@@ -192,7 +195,8 @@ impl<P: Probe> Loop<'_, P> {
                     is_over
                 };
                 let now = Instant::from_nanoseconds(received);
-                let report = self.cycle.answer(state, now, &mut expired, &mut self.command);
+                let mut report = self.cycle.answer(state, now, &mut expired, &mut self.command);
+                report.is_unnotified = std::mem::take(&mut self.is_unnotified);
                 self.arrival.see(state.boot_id, state.sequence, state.stamp_ns, received);
                 report
             } else {
@@ -223,7 +227,8 @@ impl<P: Probe> Loop<'_, P> {
 
     /// Waits for the next sample, or until a silence has lasted long enough to count. It may return
     /// before either.
-    fn wait(&self, now: u64, last_event: u64) {
+    fn wait(&mut self, now: u64, last_event: u64) {
+        self.is_unnotified = false;
         match self.timing.wait {
             // Without a controller there is no hurry.
             Wait::Spin => {
@@ -239,14 +244,16 @@ impl<P: Probe> Loop<'_, P> {
                 let spin = self.timing.spin;
                 if let Some(due) = self.arrival.next().filter(|due| now < due.saturating_add(spin)) {
                     let from = due.saturating_sub(spin);
+                    self.arrival.look(now < from);
                     return if now < from { sleep_until_ns(from) } else { std::hint::spin_loop() };
                 }
             }
         }
-        // Notified or not: the next turn looks for a sample, and at the clock. Two cycles at most,
-        // so that a notification that is missed costs no more than one late answer.
+        // Notified or not: the next turn looks for a sample, and at the clock.
         let silent = self.timing.max_sample_age.saturating_sub(now - last_event);
-        let _ = self.ports.arrivals.block(silent.min(2 * self.timing.sampling_time));
+        let brief = self.arrival.look_after(now).unwrap_or(2 * self.timing.sampling_time);
+        self.arrival.look(false);
+        self.is_unnotified = !self.ports.arrivals.block(silent.min(brief));
     }
 
     fn publish(&mut self, slot: Option<Slot<CommandSample>>, received: u64, asked: u64) {

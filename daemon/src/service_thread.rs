@@ -134,8 +134,10 @@ impl ServiceThread {
             self.diagnostics.heard_of(record.sample.boot_id);
             let is_cycle =
                 [RecordKind::Sample, RecordKind::Silence].map(RecordKind::code).contains(&record.sample.kind);
-            // Before the first sample there is nothing to report.
-            if is_cycle && record.sample.command.state_sequence > 0 {
+            // Before the first sample there is nothing to report. One without a number is not answered,
+            // and reported.
+            let is_sample = record.sample.kind == RecordKind::Sample.code();
+            if is_sample || (is_cycle && record.sample.command.state_sequence > 0) {
                 self.diagnostics.cycle(&record.sample);
                 self.free.cycle(&record.sample);
                 self.log.cycle(&record);

@@ -14,6 +14,16 @@ config_enum! {
         /// The first sample is published in place of the last one, with its own stamp and sequence,
         /// and none in between: over k + 1 samples, one that is late by k periods.
         Late = "late",
+        /// Of thirteen state samples twelve are not published; the sequence goes on.
+        Sparse = "sparse",
+        /// State samples are published without a notification.
+        Unnotified = "unnotified",
+        /// Each cycle lasts 5 ms longer than it should; no sample is lost.
+        Overrun = "overrun",
+        /// The sequence is left at 0.
+        Unnumbered = "unnumbered",
+        /// The sequence jumps ahead by a million at the first sample, and goes on from there.
+        SequenceJump = "sequence_jump",
         /// The stamp is a second old; the sequence goes on.
         Stale = "stale",
         /// The stamp is a second ahead; the sequence goes on.
@@ -54,6 +64,12 @@ config_enum! {
     }
 }
 
+/// Of so many samples in a row one is published.
+const SPARSE: i64 = 13;
+/// By how much a cycle is longer, ns.
+const OVERRUN_NS: u64 = 5_000_000;
+/// By how much the sequence jumps.
+const SEQUENCE_JUMP: u64 = 1_000_000;
 /// By how much a stamp is off, ns.
 const OFF_NS: u64 = 1_000_000_000;
 /// By how much a joint position is off, rad.
@@ -89,8 +105,23 @@ impl Faults {
 
     /// Whether the sample with this index is published at all.
     pub fn publishes(&self, index: i64) -> bool {
-        let is_held = |fault: &Fault| fault.kind == FaultKind::Late && (fault.first..fault.end - 1).contains(&index);
+        let is_held = |fault: &Fault| match fault.kind {
+            FaultKind::Late => (fault.first..fault.end - 1).contains(&index),
+            FaultKind::Sparse => (fault.first..fault.end).contains(&index) && (index - fault.first) % SPARSE != 0,
+            _ => false,
+        };
         !self.active(FaultKind::Drop, index) && !self.0.iter().any(is_held)
+    }
+
+    /// How much longer the cycle lasts that begins with the sample with this index, ns.
+    pub fn overrun_ns(&self, index: i64) -> u64 {
+        if self.active(FaultKind::Overrun, index) { OVERRUN_NS } else { 0 }
+    }
+
+    /// By how much the sequence of the sample with this index is ahead of the one before it.
+    pub fn sequence_step(&self, index: i64) -> u64 {
+        let jumps = |fault: &&Fault| fault.kind == FaultKind::SequenceJump && fault.first == index;
+        1 + SEQUENCE_JUMP * self.0.iter().filter(jumps).count() as u64
     }
 
     /// Whether an older sample is shown at this index.
@@ -104,6 +135,7 @@ impl Faults {
     pub fn falsify(&self, sample: &mut StateSample, index: i64) {
         for fault in self.0.iter().filter(|fault| (fault.first..fault.end).contains(&index)) {
             match fault.kind {
+                FaultKind::Unnumbered => sample.sequence = 0,
                 FaultKind::Stale => sample.stamp_ns = sample.stamp_ns.saturating_sub(OFF_NS),
                 FaultKind::FromFuture => sample.stamp_ns = sample.stamp_ns.saturating_add(OFF_NS),
                 FaultKind::OutOfOrder => {
@@ -127,7 +159,8 @@ impl Faults {
                 }
                 FaultKind::DrivesDisabled => sample.drives_enabled = 0,
                 FaultKind::JointCount => sample.joint_count += 1,
-                FaultKind::Drop | FaultKind::Freeze | FaultKind::Late | FaultKind::CommandLoss => {}
+                FaultKind::Drop | FaultKind::Freeze | FaultKind::Late | FaultKind::Sparse => {}
+                FaultKind::Unnotified | FaultKind::Overrun | FaultKind::SequenceJump | FaultKind::CommandLoss => {}
             }
         }
     }
@@ -170,6 +203,16 @@ mod tests {
     }
 
     #[test]
+    fn one_of_thirteen_is_published_and_a_sequence_jumps_once() {
+        let [sparse, jump, overrun] = [FaultKind::Sparse, FaultKind::SequenceJump, FaultKind::Overrun]
+            .map(|kind| Faults::new(vec![Fault { kind, first: 4, end: 40 }]));
+        let published: Vec<i64> = (3..42).filter(|index| sparse.publishes(*index)).collect();
+        assert_eq!(published, [3, 4, 17, 30, 40, 41]);
+        assert_eq!([3, 4, 5].map(|index| jump.sequence_step(index)), [1, 1_000_001, 1]);
+        assert_eq!([3, 4, 39, 40].map(|index| overrun.overrun_ns(index)), [0, 5_000_000, 5_000_000, 0]);
+    }
+
+    #[test]
     fn each_kind_spoils_its_own_field_and_nothing_else() {
         let sound = StateSample {
             sequence: 10,
@@ -191,7 +234,10 @@ mod tests {
                 .map(|(f, _)| f.as_str())
                 .collect();
             let expected: &[&str] = match kind.name() {
-                "drop" | "freeze" | "late" | "command_loss" => &[],
+                "drop" | "freeze" | "late" | "sparse" | "unnotified" | "overrun" | "sequence_jump" | "command_loss" => {
+                    &[]
+                }
+                "unnumbered" => &["sequence"],
                 "stale" | "from_future" => &["stamp_ns"],
                 "out_of_order" => &["sequence"],
                 "position_jump" => &["joint_position"],

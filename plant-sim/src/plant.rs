@@ -114,6 +114,11 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         self.parameters.faults.publishes(self.index)
     }
 
+    /// Whether the daemon is notified of the sample.
+    pub fn notifies(&self) -> bool {
+        !self.fault(FaultKind::Unnotified)
+    }
+
     /// Stamp of the current sample in ns, also when a fault shows another one.
     pub fn now_ns(&self) -> u64 {
         self.now_ns
@@ -138,7 +143,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     /// Ends the wait for commands of this sample and returns the truth at its instant. Call once
     /// per cycle, before [`Self::integrate`].
     pub fn settle(&mut self, timing: CycleTiming) -> TruthSample {
-        let end_ns = self.now_ns + self.parameters.sampling_time_ns;
+        let end_ns = self.now_ns + self.cycle_ns();
         let missed = self.playback.is_missing(end_ns);
         // Counted here, because a command that is due at this very instant would otherwise count
         // twice.
@@ -151,7 +156,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     /// it acts.
     pub fn integrate(&mut self) {
         let start_ns = self.now_ns;
-        let end_ns = start_ns + self.parameters.sampling_time_ns;
+        let cycle_ns = self.cycle_ns();
+        let end_ns = start_ns + cycle_ns;
         let twist = self.twist_reference();
         while self.now_ns < end_ns {
             self.playback.apply_due(self.now_ns);
@@ -160,17 +166,17 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             let until_ns = until_ns.into_iter().flatten().fold(end_ns, u64::min);
             self.integrate_until(until_ns, start_ns);
         }
-        let duration_s = seconds(self.parameters.sampling_time_ns);
+        let duration_s = seconds(cycle_ns);
         match advance_reference(&self.parameters.chain, &self.position_reference, &twist, duration_s) {
             Ok(position) => self.position_reference = position,
             Err(_) => self.singular = true,
         }
-        self.sequence += 1;
         if self.index < 0 && self.parameters.wait_for_command && !self.playback.has_received() {
             self.index = -self.parameters.waiting_samples();
         } else {
             self.index += 1;
         }
+        self.sequence += self.parameters.faults.sequence_step(self.index);
         self.playback.begin_sample(self.sequence, self.now_ns);
         self.measure();
     }
@@ -218,6 +224,11 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         let reference = self.dead_time.reached(self.now_ns);
         step.advance(&mut self.joints, &reference);
         self.kinematics = self.parameters.chain.kinematics(&self.joints.position);
+    }
+
+    /// How long the current cycle lasts.
+    fn cycle_ns(&self) -> u64 {
+        self.parameters.sampling_time_ns + self.parameters.faults.overrun_ns(self.index)
     }
 
     fn fault(&self, kind: FaultKind) -> bool {

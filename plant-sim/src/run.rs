@@ -14,6 +14,8 @@ pub trait AnyPlant {
     fn sample(&self) -> &StateSample;
     /// Whether the sample is published.
     fn publishes(&self) -> bool;
+    /// Whether the daemon is notified of it.
+    fn notifies(&self) -> bool;
     /// Stamp of the current sample in ns.
     fn now_ns(&self) -> u64;
     /// Takes a command that became visible at `visible_ns`. True when it is there before it has to
@@ -43,6 +45,10 @@ impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
 
     fn publishes(&self) -> bool {
         self.publishes()
+    }
+
+    fn notifies(&self) -> bool {
+        self.notifies()
     }
 
     fn now_ns(&self) -> u64 {

@@ -160,7 +160,10 @@ fn cycle(ports: &Ports, plant: &mut dyn AnyPlant, sampling_time: u64, delay: u64
     if plant.publishes()
         && let Some(slot) = slot
     {
-        ports.publish(slot, plant.sample());
+        ports.send(slot, plant.sample());
+        if plant.notifies() {
+            ports.notify();
+        }
     }
     let give_up = stamp + sampling_time - INTEGRATION_NS.min(sampling_time / 2);
     loop {

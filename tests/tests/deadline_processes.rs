@@ -157,10 +157,10 @@ fn a_controller_that_is_stopped_in_contact_is_a_latched_stop() {
 }
 
 #[test]
-fn a_daemon_that_is_stopped_goes_on_where_the_arm_is() {
+fn a_daemon_that_was_stopped_goes_on_where_its_plan_lasted() {
     undisturbed(|| {
-        // Commands are valid for 84 ms here: the plan bridges the first time, and the plant holds
-        // the arm the second.
+        // Commands are valid for 84 ms here: the plan bridges the first time. The second time the
+        // plant holds the arm, and what the daemon acts on has become too old.
         for (stopped, holds) in [(40, false), (400, true)] {
             let mut now = once(1.4);
             let run = run(&config(&PATIENT), &scenario(&[]), |daemon, _, truth| {
@@ -169,7 +169,6 @@ fn a_daemon_that_is_stopped_goes_on_where_the_arm_is() {
                 }
             });
             assert_quiet_until(&run, 1.39);
-            assert_went_on(&run);
             let (before, last) = (run.at(1.39), run.last());
             let held =
                 run.truths.iter().filter(|truth| truth.scenario_time_s > 0.0 && truth.motion == Motion::Hold.code());
@@ -177,7 +176,14 @@ fn a_daemon_that_is_stopped_goes_on_where_the_arm_is() {
             assert!(last.missed_count > before.missed_count, "samples that the daemon never saw are counted");
             assert!(run.truths.last().expect("a run").missed_commands > 0, "and so are commands, by the plant");
             assert_eq!(held.count() > 0, holds, "{stopped} ms");
-            assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{}", run.log);
+            if holds {
+                let said = (last.mode, last.motion, last.stop_reason);
+                let expected = (Mode::Stopped.code(), Motion::Hold.code(), StopReason::SamplesMissed.code());
+                assert_eq!(said, expected, "{}", run.log);
+            } else {
+                assert_went_on(&run);
+                assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{}", run.log);
+            }
         }
     });
 }

@@ -24,7 +24,7 @@ fn patient(changes: &[(&str, &str)]) -> String {
 
 /// Fails when a busy machine, and not what is `expected`, made the daemon stop.
 fn assert_stopped_for(expected: &str, daemon: &Child) {
-    let (log, by_machine) = (daemon.stderr(), ["SampleStale", "FallbackExhausted", "RateMismatch"]);
+    let (log, by_machine) = (daemon.stderr(), ["SampleStale", "SamplesMissed", "FallbackExhausted", "RateMismatch"]);
     assert!(log.contains(expected) || !by_machine.iter().any(|reason| log.contains(reason)), "{log}");
 }
 

@@ -73,6 +73,7 @@ vocabulary! {
         MeasuredForce = 15 "The measured force passed the force limit by more than the guard allows.";
         ModelDisagrees = 16 "The measured force differs from the predicted one, or contradicts the surface's sign.";
         ForceExceeded = 17 "The force, as it is without the lag of the wrench estimate, passed its limit by more than the guard allows.";
+        SamplesMissed = 18 "State samples were missed, one after the other or again and again: what the law acted on was too old.";
     }
 }
 
@@ -98,5 +99,6 @@ vocabulary! {
         Silence = 8 "There was none.";
         WrenchSaturated = 9 "Its wrench is at the end of the sensor's range.";
         Jump = 10 "A joint is not where it can have moved since the sample before.";
+        Unnumbered = 11 "Its sequence is 0: samples count from 1.";
     }
 }

@@ -139,7 +139,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             (Bridge::Rest, _) => output.rest_without_sample(now),
             (Bridge::Hold | Bridge::Ramp | Bridge::Plan | Bridge::Retreat, _) => output.hold(now),
         };
-        if !supervisor.is_in_control() {
+        // A stopped arm may retreat from where it is believed to be: that takes a person.
+        if matches!(supervisor.mode(), Mode::Idle(_)) {
             intake.forget_position();
         }
         output.send(now, &movement);
@@ -163,6 +164,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             expired_iteration: predicted.expired_iteration,
             active_axes: self.belief.contact().mask(),
             wrench: intake.last().filter(|_| fault.is_none()).map(|last| last.wrench),
+            arrival: intake.last().filter(|_| fault.is_none()).map(|last| last.arrival),
             wrong_rate: intake.wrong_rate(),
             wrench_without_lag: fault.is_none().then(|| self.belief.without_lag().wrench),
             fault,
@@ -192,11 +194,15 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     }
 
     /// Leaves Stopped; disabled control stays disabled. Without `force`, ṗ0 must not point inward
-    /// and every force must be below release.
+    /// and every force must be below release. Refused or not, it accepts the joint position of the
+    /// next sample, wherever that is: an arm that has to retreat first may then do so.
     ///
     /// # Errors
     /// [`ResetRefused`] with the reason.
     pub fn reset(&mut self, force: bool) -> Result<(), ResetRefused> {
+        if matches!(self.supervisor.mode(), Mode::Stopped(_)) {
+            self.intake.forget_position();
+        }
         self.supervisor.reset(force, self.intake.last(), &self.belief)?;
         self.belief.release();
         self.output.reset();

@@ -4,7 +4,7 @@ use admittance_vocabulary::{ModeName, StopReason};
 use nalgebra::SVector;
 
 use crate::belief::Snapshot;
-use crate::intake::SampleFault;
+use crate::intake::{Arrival, SampleFault, WrongRate};
 use crate::mpc::Verdict;
 use crate::output::{Movement, Plan};
 use crate::quantities::Span;
@@ -43,8 +43,10 @@ pub struct Outcome<const N: usize, const D: usize> {
     pub wrench_without_lag: Option<SVector<f64, D>>,
     /// Why this cycle's sample did not reach the law.
     pub fault: Option<SampleFault>,
-    /// Mean spacing of the samples in s, while it differs from the sampling time.
-    pub wrong_rate: Option<f64>,
+    /// How the sample followed the one before it; `None` when it did not reach the law.
+    pub arrival: Option<Arrival>,
+    /// The rate of the samples, while it is another than the configured one.
+    pub wrong_rate: Option<WrongRate>,
     /// Iterations of the solver.
     pub iterations: u32,
     /// The iteration at which `expired` answered true.
@@ -65,7 +67,7 @@ pub struct Counters {
     pub fallback: u64,
     /// Samples that did not reach the law.
     pub rejected: u64,
-    /// Samples that never arrived, by gaps in their sequence.
+    /// Samples that were never seen, by gaps in their sequence for which there was time.
     pub missed: u64,
     /// Samples whose spacing differed from the sampling time by more than 10 %.
     pub irregular: u64,

@@ -5,7 +5,7 @@ use std::any::Any;
 
 use admittance_core::Controller;
 use admittance_core::belief::{Expected, JointMotion, Snapshot};
-use admittance_core::intake::{Event, SampleFault};
+use admittance_core::intake::{Arrival, Event, SampleFault, WrongRate};
 use admittance_core::mpc::{ActiveSet, QpSolver};
 use admittance_core::quantities::{Instant, Span};
 use admittance_core::robot::{SUPPORTED_ARMS, Singular};
@@ -30,8 +30,12 @@ pub struct CycleReport {
     pub expired_iteration: Option<u32>,
     /// Whether a limit had to cut the offset after the law.
     pub limited: bool,
-    /// Mean spacing of the samples in s, while it differs from the sampling time.
-    pub wrong_rate: Option<f64>,
+    /// How the sample followed the one before it; `None` when it did not reach the law.
+    pub arrival: Option<Arrival>,
+    /// Whether the thread found the sample without having been notified of it.
+    pub is_unnotified: bool,
+    /// The rate of the samples, while it is another than the configured one.
+    pub wrong_rate: Option<WrongRate>,
     /// How singular the pose was, if that is why the arm is stopped.
     pub singular: Option<Singular>,
     /// f̂ as the law saw it, in N and N·m; zero when the sample did not reach it.
@@ -283,6 +287,8 @@ fn report<const N: usize, const D: usize>(answer: &CycleOutput<'_, N, D>) -> Cyc
         iterations: outcome.iterations,
         expired_iteration: outcome.expired_iteration,
         limited: outcome.movement.limited,
+        arrival: outcome.arrival,
+        is_unnotified: false,
         wrong_rate: outcome.wrong_rate,
         singular: outcome.singular,
         wrench: outcome.wrench.map_or([0.0; TASK_AXES], |wrench| wire::padded(wrench.as_slice())),
@@ -300,8 +306,10 @@ impl<const N: usize, const D: usize, S: QpSolver + Send + 'static> Cycle for Arm
         expired: &mut dyn FnMut() -> bool,
         command: &mut CommandSample,
     ) -> CycleReport {
-        command.state_sequence = state.sequence;
-        command.state_stamp_ns = state.stamp_ns;
+        // A sample without a number cannot be named: the command goes on naming the one before.
+        if state.sequence > 0 {
+            (command.state_sequence, command.state_stamp_ns) = (state.sequence, state.stamp_ns);
+        }
         self.suit(state.plays_plan == 1);
         self.step(Event::Sample(&wire::sample(state)), now, expired, command)
     }

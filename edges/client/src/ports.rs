@@ -42,9 +42,14 @@ impl Ports {
         self.states.loan_uninit().ok()
     }
 
-    /// Publishes a state sample and wakes the daemon. It is no failure if no daemon runs yet.
-    pub fn publish(&self, slot: Slot, sample: &StateSample) {
+    /// Publishes a state sample; [`Self::notify`] afterwards. It is no failure if no daemon runs yet.
+    pub fn send(&self, slot: Slot, sample: &StateSample) {
         let _ = slot.write_payload(*sample).send();
+    }
+
+    /// Wakes the daemon: after each sample that was sent. Without it the daemon finds the sample
+    /// when it looks for the next time, and answers late.
+    pub fn notify(&self) {
         let _ = self.arrived.notify();
     }
 

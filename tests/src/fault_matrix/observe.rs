@@ -11,7 +11,7 @@ use crate::PATIENCE;
 /// Speed in m/s below which the TCP stands still.
 const STANDSTILL: f64 = 1e-3;
 /// Stops that a busy machine causes by taking the processor away.
-const BY_MACHINE: [&str; 3] = ["SampleStale", "FallbackExhausted", "RateMismatch"];
+const BY_MACHINE: [&str; 4] = ["SampleStale", "SamplesMissed", "FallbackExhausted", "RateMismatch"];
 /// A sample that the plant itself publishes so late (ns) is the machine's doing.
 const LATE_NS: u64 = 10_000_000;
 

@@ -29,7 +29,7 @@ fn unnoticed(
 }
 
 fn killed_or_stopped() -> Vec<Row> {
-    use StopReason::{SampleStale, Shutdown, StartedInContact};
+    use StopReason::{SampleStale, SamplesMissed, Shutdown, StartedInContact};
     let silent_free = |recovery: Vec<Step>| Expectation {
         robot: Robot::NotRunning,
         command: vec![FREE, idle(SampleStale)],
@@ -110,7 +110,11 @@ fn killed_or_stopped() -> Vec<Row> {
                 },
                 Expectation {
                     counted: vec![Counter::Missed],
-                    ..unanswered(CONTACT, Force::PlanThenHold, vec![Step::Continue(daemon)])
+                    ..unanswered(
+                        CONTACT,
+                        Force::PlanThenHold,
+                        vec![Step::Continue(daemon), Step::See(stopped(SamplesMissed)), Step::Retreat, Step::Reset],
+                    )
                 },
             )
         },

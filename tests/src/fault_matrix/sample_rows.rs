@@ -3,7 +3,9 @@
 use ipc_types::StopReason;
 use plant_sim::faults::FaultKind;
 
-use super::row::{CONTACT, Counter, Expectation, FREE, Force, Injection, Robot, Row, Step, idle, stopped, stopping};
+use super::row::{
+    CONTACT, Counter, Expectation, FREE, Force, Injection, Key, Robot, Row, Step, idle, stopped, stopping,
+};
 use super::{by_daemon, row};
 
 /// Samples that don't reach the law: for `max_consecutive_fallbacks` cycles the last plan bridges
@@ -44,6 +46,12 @@ fn refused_unanswered(name: &'static str, fault: &'static str, kind: FaultKind, 
     row
 }
 
+/// What is said in the log, and changes nothing.
+fn noticed(name: &'static str, fault: &'static str, kind: FaultKind, daemon: &'static [Key], log: &str) -> Row {
+    let expected = |said| Expectation { log: by_daemon(&[log]), ..Expectation::undisturbed(said) };
+    Row { fault, injection: Injection::Scripted(kind), daemon, ..row(name, expected(FREE), expected(CONTACT)) }
+}
+
 /// A value of a field that is not finite.
 fn not_finite(name: &'static str, fault: &'static str, kind: FaultKind, field: &str) -> Row {
     refused(name, fault, kind, StopReason::SampleInvalid, &format!("{field}[1] is not finite"))
@@ -51,7 +59,7 @@ fn not_finite(name: &'static str, fault: &'static str, kind: FaultKind, field: &
 
 pub(super) fn rows() -> Vec<Row> {
     use FaultKind as Kind;
-    use StopReason::{DrivesDisabled, JointCount, SampleInvalid, SampleStale};
+    use StopReason::{DrivesDisabled, JointCount, SampleInvalid, SampleStale, SamplesMissed};
     let mut rows = vec![
         refused_unanswered(
             "sample_stale",
@@ -105,6 +113,59 @@ pub(super) fn rows() -> Vec<Row> {
                 },
             )
         },
+        Row {
+            fault: "Of thirteen state samples the daemon sees one.",
+            injection: Injection::Scripted(Kind::Sparse),
+            daemon: &[("control.max_sample_age_s", "0.06")],
+            ..row(
+                "samples_sparse",
+                Expectation {
+                    robot: Robot::PlaysPlan,
+                    command: vec![FREE, idle(SamplesMissed)],
+                    counted: vec![Counter::Missed],
+                    log: by_daemon(&[
+                        "state samples missed: what the law acted on became up to 52.0 ms old",
+                        "Idle: SamplesMissed, 12 state samples before this one were missed, 36 of the last 100",
+                    ]),
+                    recovery: vec![Step::FaultEnds],
+                    ..Expectation::undisturbed(FREE)
+                },
+                Expectation {
+                    robot: Robot::ComesToRest,
+                    command: vec![CONTACT, stopping(SamplesMissed), stopped(SamplesMissed)],
+                    counted: vec![Counter::Missed],
+                    log: by_daemon(&[
+                        "state samples missed: what the law acted on became up to 52.0 ms old",
+                        "Stopped: SamplesMissed",
+                    ]),
+                    force: Force::Limit,
+                    recovery: vec![Step::FaultEnds, Step::Retreat, Step::Reset],
+                    ..Expectation::undisturbed(CONTACT)
+                },
+            )
+        },
+        noticed(
+            "samples_unnotified",
+            "The motion controller forgets to notify the daemon, which waits for nothing else: it looks for samples that \
+             are due.",
+            Kind::Unnotified,
+            &[("control.wait", "\"event\"")],
+            "the motion controller must notify state-arrival after each sample",
+        ),
+        noticed(
+            "sequence_jump",
+            "The sequence of the state samples jumps ahead by a million.",
+            Kind::SequenceJump,
+            &[],
+            "sequence jumped by 1000000 to ",
+        ),
+        refused(
+            "sequence_unnumbered",
+            "The motion controller leaves the sequence at 0.",
+            Kind::Unnumbered,
+            SampleInvalid,
+            "sequence = 0: the motion controller must number its samples, from 1",
+        ),
         refused(
             "wrench_invalid",
             "The motion controller flags its wrench as invalid, and sends zeros.",

@@ -69,7 +69,7 @@ impl<const N: usize, const D: usize> JointObserver<N, D> {
         self.motion = match &self.last {
             _ if !self.loops.needs_estimate() => reported,
             None if self.is_resumed => self.motion,
-            Some(last) if !sample.is_new_run && sample.stamp.since(last.stamp) <= LONGEST => {
+            Some(last) if !sample.arrival.is_new_run && sample.stamp.since(last.stamp) <= LONGEST => {
                 self.predict(last, sample, under_way).unwrap_or(reported)
             }
             _ => reported,

@@ -13,6 +13,7 @@
 
 mod order;
 mod position_track;
+mod rate;
 mod sample;
 #[cfg(test)]
 mod tests;
@@ -21,7 +22,8 @@ mod wrench;
 
 use nalgebra::{SVector, Vector6};
 
-pub use order::Timing;
+pub use order::{Arrival, Timing};
+pub use rate::WrongRate;
 pub(crate) use sample::Accepted;
 pub use sample::{Field, Sample, SampleFault};
 pub use wrench::{Conditioning, GivenIn, GivenSign};
@@ -84,7 +86,8 @@ impl<const N: usize, const D: usize> Intake<N, D> {
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
         let Self { settings, order, track, tool, last, rejected } = old;
-        (self.order, self.track, self.last, self.rejected) = (*order, *track, *last, *rejected);
+        self.order = order.under(&self.settings.timing);
+        (self.track, self.last, self.rejected) = (*track, *last, *rejected);
         // Of another tool, or through another filter, it would be another acceleration.
         let of =
             |settings: &Settings<N, D>| (settings.conditioning.tool_center_of_gravity, settings.wrench_time_constant);
@@ -101,7 +104,10 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         let checked = match event {
             Event::Sample(sample) => {
                 let checked = self.check(sample, now);
-                self.rejected += u64::from(checked.is_err());
+                if checked.is_err() {
+                    self.rejected += 1;
+                    self.order.refuse();
+                }
                 checked
             }
             Event::Silence => Err(SampleFault::Silence),
@@ -120,11 +126,11 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         sample.check_wrench(&wrench, conditioning.saturated(&sample.wrench))?;
         self.track.follow(sample, joint_speed.as_ref())?;
         self.tool = tool;
-        let is_new_run = self.order.accept(sample, timing);
+        let arrival = self.order.accept(sample, timing);
         Ok(Accepted {
             stamp: sample.stamp,
-            is_new_run,
-            wrong_rate: self.order.wrong_rate(timing),
+            arrival,
+            is_rate_wrong: self.order.is_rate_wrong(),
             drives_enabled: sample.drives_enabled,
             joint_position: sample.joint_position,
             joint_velocity: sample.joint_velocity,
@@ -151,7 +157,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
     }
 
     /// Accepts the position of the next sample, wherever it is: for an arm that is not under
-    /// control.
+    /// control, or that a person resets.
     pub(crate) fn forget_position(&mut self) {
         self.track = PositionTrack::new();
     }
@@ -161,7 +167,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         self.rejected
     }
 
-    /// Samples that never arrived, by gaps in their sequence.
+    /// Samples that were never seen, by gaps in their sequence for which there was time.
     pub(crate) fn missed(&self) -> u64 {
         self.order.missed()
     }
@@ -171,8 +177,8 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         self.order.irregular()
     }
 
-    /// Mean spacing of the samples in s, while it differs from the sampling time.
-    pub(crate) fn wrong_rate(&self) -> Option<f64> {
-        self.order.wrong_rate(&self.settings.timing)
+    /// The rate of the samples, while it is another than the configured one.
+    pub(crate) fn wrong_rate(&self) -> Option<WrongRate> {
+        self.order.wrong_rate()
     }
 }

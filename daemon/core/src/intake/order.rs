@@ -1,5 +1,6 @@
-//! Age, order and rate of the samples.
+//! Age, order and number of the samples.
 
+use super::rate::{Rate, WrongRate};
 use super::{Sample, SampleFault};
 use crate::quantities::{Instant, Span};
 
@@ -35,18 +36,41 @@ impl Timing {
     }
 }
 
+/// How an accepted sample follows the one before it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Arrival {
+    /// Time between their stamps: so old had what the law acted on become.
+    pub age: Span,
+    /// Samples between them that were never seen.
+    pub missed: u64,
+    /// The same of the last [`Arrival::LATELY`] samples, of one gap [`Arrival::LONGEST_GAP`] at
+    /// most.
+    pub missed_lately: u32,
+    /// Numbers between them for which there was no time: the sequence jumped.
+    pub skipped: u64,
+    /// Whether it comes from another run of the motion controller.
+    pub is_new_run: bool,
+}
+
+impl Arrival {
+    /// Samples over which [`Self::missed_lately`] counts.
+    pub const LATELY: u32 = 100;
+    /// One gap is no habit: it does not count further than this, the most that plans may ever
+    /// bridge.
+    pub const LONGEST_GAP: u64 = 20;
+}
+
 /// Order and rate of the samples so far.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SampleOrder {
     last: Option<Stamped>,
-    /// Spacing of the last two samples in s.
-    spacing: Option<f64>,
-    /// First sample of the block of [`RATE_BLOCK`] over which the mean spacing is taken.
-    block: Option<Stamped>,
-    /// Samples that have waited for a block to begin.
-    waiting: u64,
-    /// Mean spacing of the last complete block in s.
-    mean_spacing: Option<f64>,
+    /// Samples of this run by their sequence, without what it skipped.
+    number: u64,
+    /// Samples since the last one that were seen, and refused.
+    refused: u64,
+    /// Which samples were never seen: one bit each, the lowest for the last.
+    unseen: u128,
+    rate: Rate,
     missed: u64,
     irregular: u64,
 }
@@ -58,23 +82,24 @@ struct Stamped {
     stamp: Instant,
 }
 
-/// Samples over which the mean spacing is taken, from one that is evenly spaced to another: a
-/// single late stamp says nothing about the rate. Where no stamps are even, twice as many.
-const RATE_BLOCK: u64 = 100;
-/// Relative deviation of the mean spacing from T_s that refuses control: a little more than one
-/// cycle of a block, which a single overrun takes.
-const RATE_TOLERANCE: f64 = 0.0101;
-/// Relative deviation of one spacing from T_s that is counted, and from the one before that is
-/// uneven.
+/// Relative deviation of one spacing from T_s that is counted.
 const SPACING_TOLERANCE: f64 = 0.1;
+/// A sample that was missed took at least this part of T_s: where there was less time for each, the
+/// sequence has jumped.
+const LEAST_CYCLE: f64 = 0.5;
 
 impl SampleOrder {
     /// Nothing seen.
     pub(super) fn new() -> Self {
-        Self { last: None, spacing: None, block: None, waiting: 0, mean_spacing: None, missed: 0, irregular: 0 }
+        Self { last: None, number: 0, refused: 0, unseen: 0, rate: Rate::new(), missed: 0, irregular: 0 }
     }
 
-    /// Samples that never arrived, by gaps in the sequence.
+    /// The same, from here on with this timing.
+    pub(super) fn under(&self, timing: &Timing) -> Self {
+        Self { rate: self.rate.against(timing), ..*self }
+    }
+
+    /// Samples that were never seen, by gaps in the sequence for which there was time.
     pub(super) fn missed(&self) -> u64 {
         self.missed
     }
@@ -84,21 +109,29 @@ impl SampleOrder {
         self.irregular
     }
 
-    /// Mean spacing of the last block of samples in s, if it differs from T_s by more than 1 %.
-    pub(super) fn wrong_rate(&self, timing: &Timing) -> Option<f64> {
-        self.mean_spacing.filter(|mean| deviation(*mean, timing) > RATE_TOLERANCE)
+    /// Whether samples come at another rate than 1 / T_s.
+    pub(super) fn is_rate_wrong(&self) -> bool {
+        self.rate.is_wrong()
+    }
+
+    /// The rate of the samples where it is wrong.
+    pub(super) fn wrong_rate(&self) -> Option<WrongRate> {
+        self.rate.wrong()
     }
 
     /// Checks a sample against the clock and the samples before it.
     ///
     /// # Errors
-    /// Stale, from the future, or out of order.
+    /// Not numbered, stale, from the future, or out of order.
     pub(super) fn check<const N: usize, const D: usize>(
         &self,
         sample: &Sample<N, D>,
         now: Instant,
         timing: &Timing,
     ) -> Result<(), SampleFault> {
+        if sample.sequence == 0 {
+            return Err(SampleFault::Unnumbered);
+        }
         let age = now.since(sample.stamp);
         if age > timing.max_sample_age {
             return Err(SampleFault::Stale { age });
@@ -115,57 +148,39 @@ impl SampleOrder {
         Ok(())
     }
 
-    /// Records a sample that passed all checks. Returns whether it comes from another run of the
-    /// motion controller than the previous one.
-    pub(super) fn accept<const N: usize, const D: usize>(&mut self, sample: &Sample<N, D>, timing: &Timing) -> bool {
+    /// Records that a sample was seen and refused: it was not missed.
+    pub(super) fn refuse(&mut self) {
+        self.refused += 1;
+    }
+
+    /// Records a sample that passed all checks, and tells how it follows the one before it.
+    pub(super) fn accept<const N: usize, const D: usize>(&mut self, sample: &Sample<N, D>, timing: &Timing) -> Arrival {
         let now = Stamped { boot_id: sample.boot_id, sequence: sample.sequence, stamp: sample.stamp };
-        let before = self.last.replace(now);
-        match before.filter(|last| last.boot_id == now.boot_id) {
-            Some(last) => {
-                // Two runs of the motion controller may both jump by nearly 2⁶⁴.
-                self.missed = self.missed.saturating_add(now.sequence - last.sequence - 1);
-                let found = spacing(&last, &now);
-                if deviation(found, timing) > SPACING_TOLERANCE {
-                    self.irregular += 1;
-                }
-                let is_even = self.spacing.replace(found).is_some_and(|before| is_close(found, before));
-                if now.stamp.since(last.stamp) > timing.pause() {
-                    self.block = None;
-                }
-                self.measure_rate(now, is_even);
-            }
-            None => (self.spacing, self.block, self.waiting, self.mean_spacing) = (None, None, 0, None),
+        let refused = core::mem::take(&mut self.refused);
+        let Some(last) = self.last.replace(now) else {
+            self.rate.follow(0, now.stamp, timing);
+            return Arrival::default();
+        };
+        if last.boot_id != now.boot_id {
+            (self.number, self.unseen, self.rate) = (0, 0, Rate::new());
+            self.rate.follow(0, now.stamp, timing);
+            return Arrival { is_new_run: true, ..Arrival::default() };
         }
-        before.is_some_and(|last| last.boot_id != now.boot_id)
-    }
-
-    /// Ends the block with the sample `now`, if it is long enough, and begins the next; `is_even`:
-    /// its spacing is that of the samples before it.
-    fn measure_rate(&mut self, now: Stamped, is_even: bool) {
-        let count = self.block.map_or(0, |start| now.sequence - start.sequence);
-        match self.block {
-            Some(start) if count >= 2 * RATE_BLOCK || (count >= RATE_BLOCK && is_even) => {
-                self.mean_spacing = Some(spacing(&start, &now));
-                self.block = Some(now);
-            }
-            None if is_even || self.waiting >= RATE_BLOCK => (self.block, self.waiting) = (Some(now), 0),
-            None => self.waiting += 1,
-            Some(_) => {}
+        let (age, between) = (now.stamp.since(last.stamp), now.sequence - last.sequence - 1);
+        let has_jumped = age.seconds() < between as f64 * LEAST_CYCLE * timing.sampling_time.seconds();
+        let (between, skipped) = if has_jumped { (0, between) } else { (between, 0) };
+        let missed = between.saturating_sub(refused);
+        // Two runs of the motion controller may both miss nearly 2⁶⁴.
+        self.missed = self.missed.saturating_add(missed);
+        let gap = missed.min(Arrival::LONGEST_GAP);
+        self.unseen = (self.unseen << (gap + 1) | ((1 << gap) - 1) << 1) & ((1 << Arrival::LATELY) - 1);
+        self.number += between + 1;
+        if age > timing.pause() {
+            self.rate.pause();
         }
+        self.rate.follow(self.number, now.stamp, timing);
+        let spacing = age.seconds() / (between + 1) as f64;
+        self.irregular += u64::from((spacing / timing.sampling_time.seconds() - 1.0).abs() > SPACING_TOLERANCE);
+        Arrival { age, missed, missed_lately: self.unseen.count_ones(), skipped, is_new_run: false }
     }
-}
-
-/// Mean time in s per sequence number between two samples.
-fn spacing(from: &Stamped, to: &Stamped) -> f64 {
-    to.stamp.since(from.stamp).seconds() / (to.sequence - from.sequence) as f64
-}
-
-/// Whether two spacings differ by at most 10 %.
-fn is_close(spacing: f64, other: f64) -> bool {
-    (spacing / other - 1.0).abs() <= SPACING_TOLERANCE
-}
-
-/// Relative deviation of a spacing in s from T_s.
-fn deviation(spacing: f64, timing: &Timing) -> f64 {
-    (spacing / timing.sampling_time.seconds() - 1.0).abs()
 }

@@ -16,7 +16,8 @@ const BEYOND_LIMIT: f64 = 2.0;
 const RESOLUTION: f64 = 1e-3;
 
 /// The joint position from sample to sample. A joint that jumped stays suspect until it is back
-/// where it can be: waiting does not make a jump true. Out of control a new track may begin.
+/// where it can be: waiting does not make a jump true. Out of control a new track may begin, of a
+/// stopped arm when a person resets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PositionTrack<const N: usize> {
     seen: Option<Seen<N>>,

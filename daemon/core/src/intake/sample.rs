@@ -4,6 +4,7 @@
 use admittance_vocabulary::FaultName;
 use nalgebra::SVector;
 
+use super::Arrival;
 use crate::quantities::{GivenWrench, Instant, Span};
 use crate::robot::Posture;
 
@@ -39,11 +40,10 @@ pub struct Sample<const N: usize, const D: usize> {
 pub(crate) struct Accepted<const N: usize, const D: usize> {
     /// Instant of measurement.
     pub stamp: Instant,
-    /// Whether it comes from another run of the motion controller than the previously accepted
-    /// sample.
-    pub is_new_run: bool,
-    /// Mean spacing of the samples in s, while it differs from the sampling time.
-    pub wrong_rate: Option<f64>,
+    /// How it follows the previously accepted sample.
+    pub arrival: Arrival,
+    /// Whether the samples come at another rate than the configured one.
+    pub is_rate_wrong: bool,
     /// Whether the drives follow the reference.
     pub drives_enabled: bool,
     /// q in rad.
@@ -166,6 +166,8 @@ pub enum SampleFault {
         /// How far ahead.
         ahead: Span,
     },
+    /// Its sequence is 0: samples count from 1.
+    Unnumbered,
     /// Its sequence or stamp is not later than the last one's.
     OutOfOrder {
         /// Its sequence.
@@ -197,6 +199,7 @@ impl SampleFault {
             Self::WrenchSaturated { .. } => FaultName::WrenchSaturated,
             Self::Stale { .. } => FaultName::Stale,
             Self::FromFuture { .. } => FaultName::FromFuture,
+            Self::Unnumbered => FaultName::Unnumbered,
             Self::OutOfOrder { .. } => FaultName::OutOfOrder,
             Self::Jump { .. } => FaultName::Jump,
             Self::Silence => FaultName::Silence,
@@ -226,6 +229,9 @@ impl core::fmt::Display for SampleFault {
                     ahead.nanoseconds()
                 )
             }
+            Self::Unnumbered => f.write_str(
+                "sequence = 0: the motion controller must number its samples, from 1, one more with every sample",
+            ),
             Self::OutOfOrder { sequence, last } => {
                 write!(f, "sequence {sequence} or its stamp does not follow the last accepted sample {last}")
             }

@@ -56,7 +56,7 @@ fn another_run_of_the_motion_controller_is_known_by_its_first_sample() {
     let is_new = [7, 7, 8, 8].map(|boot_id| {
         let sequence = 1 + intake.last().map_or(0, |last| (last.stamp.nanoseconds() - 1_000_000_000) / 4_000_000);
         let sample = Sample { boot_id, ..pressing(-100.0, sequence) };
-        intake.take(Event::Sample(&sample), sample.stamp).expect("it is good").is_new_run
+        intake.take(Event::Sample(&sample), sample.stamp).expect("it is good").arrival.is_new_run
     });
     assert_eq!(is_new, [false, false, true, false]);
 }

@@ -17,6 +17,7 @@ vocabulary! {
         Shutdown = 6 "The daemon is ending, and in free motion the offset is zero.";
         DrivesDisabled = 7 "The drives are off.";
         RateMismatch = 8 "The samples come at another rate than configured.";
+        SamplesMissed = 25 "Samples were never seen: more in a row than the last plan lasts, or again and again.";
         Singular = 9 "J has no inverse, or in contact none to stop with.";
         NearlySingular = 10 "J is nearly singular.";
         MeasuredForce = 11 "The measured force is above its limit by more than the guard allows.";
@@ -46,6 +47,7 @@ impl Cause {
             Self::Shutdown => Some(StopReason::Shutdown),
             Self::DrivesDisabled => Some(StopReason::DrivesDisabled),
             Self::RateMismatch => Some(StopReason::RateMismatch),
+            Self::SamplesMissed => Some(StopReason::SamplesMissed),
             Self::Singular | Self::NearlySingular => Some(StopReason::Singular),
             Self::MeasuredForce => Some(StopReason::MeasuredForce),
             Self::ForceExceeded => Some(StopReason::ForceExceeded),
@@ -93,11 +95,12 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             | C::SolverFailed
             | C::Silence
             | C::SampleStale => Idle,
-            C::SampleInvalid | C::JointCount | C::RetreatOver | C::Rest | C::Reset | C::ForcedReset => Idle,
+            C::SampleInvalid | C::JointCount | C::SamplesMissed | C::RetreatOver | C::Rest => Idle,
+            C::Reset | C::ForcedReset => Idle,
         },
         Free => match cause {
             C::Touch => Contact,
-            C::Disabled | C::Shutdown | C::DrivesDisabled | C::RateMismatch | C::Silence => Idle,
+            C::Disabled | C::Shutdown | C::DrivesDisabled | C::RateMismatch | C::SamplesMissed | C::Silence => Idle,
             // What pulls may be the surface: held at once, what the joints still turn would press.
             C::ModelDisagrees => Stopping,
             // A force on no axis in contact: the surface's model cannot stop what the arm has met.
@@ -119,7 +122,7 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             // In contact the arm stops at the lowest force, as long as it can be controlled.
             C::Disabled | C::Shutdown | C::RateMismatch | C::NearlySingular | C::MeasuredForce => Stopping,
             C::ForceExceeded | C::ModelDisagrees | C::FallbackExhausted | C::SolverFailed => Stopping,
-            C::Silence | C::SampleStale | C::SampleInvalid | C::JointCount => Stopping,
+            C::Silence | C::SampleStale | C::SampleInvalid | C::JointCount | C::SamplesMissed => Stopping,
             C::StartedInContact | C::DrivesDisabled | C::Singular => Stopped,
             C::Ready | C::Touch | C::RetreatOver | C::Rest | C::Reset | C::ForcedReset => Contact,
         },
@@ -134,7 +137,7 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             | C::SolverFailed
             | C::Silence
             | C::SampleStale => Stopping,
-            C::SampleInvalid | C::JointCount | C::Reset | C::ForcedReset => Stopping,
+            C::SampleInvalid | C::JointCount | C::SamplesMissed | C::Reset | C::ForcedReset => Stopping,
         },
         Stopped => match cause {
             C::Reset => Idle,
@@ -144,7 +147,7 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             C::Disabled | C::Shutdown | C::DrivesDisabled | C::RateMismatch | C::Singular => Stopped,
             C::NearlySingular | C::MeasuredForce | C::ForceExceeded | C::ModelDisagrees | C::Infeasible => Stopped,
             C::FallbackExhausted | C::SolverFailed | C::Silence | C::SampleStale | C::SampleInvalid => Stopped,
-            C::JointCount | C::RetreatOver | C::Rest => Stopped,
+            C::JointCount | C::SamplesMissed | C::RetreatOver | C::Rest => Stopped,
         },
     }
 }

@@ -71,6 +71,7 @@ impl<const D: usize> Supervisor<D> {
             | SampleFault::WrenchInvalid
             | SampleFault::WrenchSaturated { .. }
             | SampleFault::FromFuture { .. }
+            | SampleFault::Unnumbered
             | SampleFault::OutOfOrder { .. }
             | SampleFault::Jump { .. } => Cause::SampleInvalid,
         };

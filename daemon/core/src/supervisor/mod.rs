@@ -165,7 +165,7 @@ impl<const D: usize> Supervisor<D> {
                 None => Some(Cause::Ready),
             },
             Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
-                (sample.is_new_run && felt.is_any()).then_some(Cause::StartedInContact)
+                (sample.arrival.is_new_run && felt.is_any()).then_some(Cause::StartedInContact)
             }
         };
         self.still_holds = false;
@@ -179,15 +179,6 @@ impl<const D: usize> Supervisor<D> {
             && let Err(singular) = sample.posture.inverse(self.least_condition())
         {
             self.apply_at_pose(Cause::Singular, sample.stamp, Some(singular));
-        }
-    }
-
-    /// What keeps control from beginning.
-    fn objection<const N: usize>(&self, sample: &Accepted<N, D>) -> Option<Cause> {
-        match self.permission {
-            Permission::Withdrawn(ending) => Some(ending.cause()),
-            Permission::Given if !sample.drives_enabled => Some(Cause::DrivesDisabled),
-            Permission::Given => sample.wrong_rate.map(|_| Cause::RateMismatch),
         }
     }
 
@@ -283,7 +274,8 @@ impl<const D: usize> Supervisor<D> {
     }
 
     /// Stops or ends control if something requires it: the `guards`, a pose that is nearly
-    /// singular, or a request to end control, in free motion once the offset is zero.
+    /// singular, samples that don't come as they should, or a request to end control, in free
+    /// motion once the offset is zero.
     pub(crate) fn heed<const N: usize>(
         &mut self,
         guards: Option<Cause>,
@@ -299,12 +291,8 @@ impl<const D: usize> Supervisor<D> {
         {
             self.apply_at_pose(Cause::NearlySingular, stamp, Some(singular));
         }
-        let ending = match self.permission {
-            Permission::Withdrawn(ending) => Some(ending.cause()),
-            Permission::Given => sample.wrong_rate.map(|_| Cause::RateMismatch),
-        };
-        let is_ramping = matches!(self.mode, Mode::Free { .. }) && !offset_is_zero && sample.wrong_rate.is_none();
-        if let Some(cause) = ending.filter(|_| self.is_in_control() && !is_ramping) {
+        let is_ramping = matches!(self.mode, Mode::Free { .. }) && !offset_is_zero;
+        if let Some(cause) = self.end_of_control(sample, is_ramping).filter(|_| self.is_in_control()) {
             self.apply(cause, stamp);
         }
     }

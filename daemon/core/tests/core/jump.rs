@@ -55,8 +55,37 @@ fn a_jump_that_stays_is_never_believed_under_control() {
     assert_eq!(outcomes[stopped].stop_reason, Some(StopReason::SampleInvalid));
     let held = &outcomes[stopped..];
     assert!(held.iter().all(|o| o.movement.motion == Motion::Hold && o.stop_reason == Some(StopReason::SampleInvalid)));
-    // While the arm is held its position is accepted: a person may reset.
-    assert!(held[1..].iter().all(|outcome| outcome.fault.is_none()));
+    assert!(held.iter().all(|o| matches!(o.fault, Some(SampleFault::Jump { .. }))), "nor of a stopped arm");
+}
+
+#[test]
+fn a_stopped_arm_that_jumped_is_held_until_a_person_resets() {
+    let mut controller = with_contact(limited());
+    controller.step(Event::Silence, common::at(3_000_000_000), &mut || false);
+    assert_eq!(controller.mode(), Mode::Stopped);
+    let away = |sequence| Sample {
+        stamp: common::at(3_000_000_000 + sequence * common::CYCLE),
+        ..pushing(60.0, -0.05, sequence)
+    };
+    let retreats = step(&mut controller, &away(1000));
+    assert_eq!((retreats.mode, retreats.movement.motion), (Mode::Stopped, Motion::Offset), "it may retreat");
+    for sequence in 1001..1200 {
+        let jumped = step(&mut controller, &off(away(sequence), 1, -0.5));
+        assert!(matches!(jumped.fault, Some(SampleFault::Jump { joint: 1, .. })), "sample {sequence}");
+        assert_eq!((jumped.mode, jumped.movement.motion), (Mode::Stopped, Motion::Hold), "sample {sequence}");
+    }
+    // The arm presses: it has to retreat first, from where it is now believed to be.
+    controller.reset(false).expect_err("it presses");
+    let believed = step(&mut controller, &off(away(1200), 1, -0.5));
+    assert_eq!((believed.fault, believed.mode, believed.movement.motion), (None, Mode::Stopped, Motion::Offset));
+
+    // In free space the reset is done, and control begins at the new position.
+    let free = |sequence| Sample { wrench: common::given(Vector2::zeros()), ..away(sequence) };
+    step(&mut controller, &off(free(1201), 1, -0.5));
+    assert!(step(&mut controller, &free(1202)).fault.is_some());
+    controller.reset(false).expect("nothing presses, nothing pushes");
+    let begun = step(&mut controller, &free(1203));
+    assert_eq!((begun.fault, begun.mode), (None, Mode::Free));
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod controller;
 mod free_motion;
 mod jump;
 mod kinematics;
+mod missed;
 mod model;
 mod quantities;
 mod rate;

@@ -10,13 +10,13 @@ use admittance_runner::settings::Settings;
 use ipc_types::layout::WireType as _;
 use ipc_types::{CommandSample, Fault, Mode, RecordKind, RecordSample, Source, StopReason};
 
-use super::counts::Counts;
+use super::counts::{Counts, Earlier};
 use super::difference::Difference;
 use super::event;
 use crate::Exit;
 
 /// Cycles in a row in free motion, without an offset, after which a fresh controller is where the
-/// recorded one is: it remembers 64 samples and 16 commands.
+/// recorded one is: it remembers 104 samples and 16 commands.
 pub(super) const RUN_IN: u64 = 128;
 
 /// Where the replay stands.
@@ -42,12 +42,8 @@ pub(crate) struct Session<'a> {
     command: CommandSample,
     /// By how much the recorded counters were ahead when comparing began.
     ahead: Option<Counts>,
-    /// Silences since then.
-    silences: u64,
-    /// Whether the samples over which the rate is judged may be others than the recorded ones.
-    is_rate_unknown: bool,
-    /// Run of the motion controller that the last sample was of.
-    controller_run: Option<u64>,
+    /// What earlier versions counted besides, since then.
+    earlier: Earlier,
     last: Option<(u64, u64)>,
     first: Option<Instant>,
     compared: u64,
@@ -70,9 +66,7 @@ impl<'a> Session<'a> {
             state: State::Searching,
             command: CommandSample::zeroed(),
             ahead: None,
-            silences: 0,
-            is_rate_unknown: false,
-            controller_run: None,
+            earlier: Earlier::default(),
             last: None,
             first: None,
             compared: 0,
@@ -168,7 +162,6 @@ impl<'a> Session<'a> {
             }
             let cycle = cycle::build(&config).map_err(|why| (Exit::Config, why))?;
             self.begin(cycle, record, "the controller was fresh");
-            self.is_rate_unknown = false;
         } else if is_free(record, kind) {
             // What requests have changed since the file was read is in every record, and free
             // motion was enabled.
@@ -189,8 +182,7 @@ impl<'a> Session<'a> {
             record.sequence,
             self.seconds(record)
         ));
-        (self.ahead, self.silences, self.state) = (None, 0, State::Comparing(cycle));
-        (self.is_rate_unknown, self.controller_run) = (true, None);
+        (self.ahead, self.earlier, self.state) = (None, Earlier::after(record), State::Comparing(cycle));
     }
 
     fn compare(&mut self, record: &RecordSample, kind: RecordKind) -> Result<Option<Difference>, (Exit, String)> {
@@ -212,16 +204,10 @@ impl<'a> Session<'a> {
             cycle = new;
         }
         let mut replayed = event::replay(&mut *cycle, record, kind, &mut self.command);
-        self.silences += u64::from(kind == RecordKind::Silence);
-        if kind == RecordKind::Sample {
-            // Another run is judged anew.
-            let before = self.controller_run.replace(record.state.boot_id);
-            self.is_rate_unknown &= before.is_none_or(|run| run == record.state.boot_id);
-        }
+        self.earlier.count(&replayed, kind);
         event::copy_missing(self.record_version, &mut replayed, record);
         if self.record_version < 4 {
-            // Silences were counted as rejected samples.
-            replayed.command.rejected_count += self.silences;
+            replayed.command.rejected_count += self.earlier.silences;
         }
         self.state = State::Comparing(cycle);
         // Before the first sample, and for an order, there is no answer.
@@ -236,19 +222,11 @@ impl<'a> Session<'a> {
             if is_first { Counts::NONE } else { Counts::of(record).zip(Counts::of(&replayed), u64::wrapping_sub) }
         });
         Counts::of(&replayed).zip(ahead, u64::wrapping_add).write(&mut replayed);
+        if record.command.missed_count == replayed.command.missed_count.wrapping_add(self.earlier.refused) {
+            replayed.command.missed_count = record.command.missed_count;
+        }
         if record.same_bits(&replayed) {
             self.compared += 1;
-            return Ok(None);
-        }
-        let says_wrong = |record: &RecordSample| record.command.stop_reason == StopReason::RateMismatch.code();
-        if self.is_rate_unknown && says_wrong(record) != says_wrong(&replayed) {
-            self.state = State::Searching;
-            self.remarks.push(format!(
-                "record {} ({:.3} s): whether the samples come at a wrong rate is judged over the 100 to 200 before, counted \
-                 from where the recording did not begin: that can't be known here, and the replay begins anew",
-                record.sequence,
-                self.seconds(record)
-            ));
             return Ok(None);
         }
         Ok(Some(Difference::between(&record.to_json(), &replayed.to_json())))

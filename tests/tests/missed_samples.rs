@@ -1,0 +1,213 @@
+//! How state samples come, through the real programs: a controller that forgets to notify, one of
+//! which most samples are missed, one that pauses, one whose sequence jumps or is left at 0, and
+//! one whose position jumps while the arm is stopped.
+
+use std::path::PathBuf;
+
+use end_to_end::closed_loop::MPC_DEFAULT;
+use end_to_end::session::{
+    PAPER_SCENARIO, PATIENT, ctl_command, output, plant_command, run_plant, start_daemon, wait_for_log, with_keys,
+    write,
+};
+use end_to_end::{Child, PrivateIpc, undisturbed};
+use ipc_types::{Motion, TruthSample};
+use serde_json::Value;
+
+/// First contact of the paper's scenario, s.
+const CONTACT_S: f64 = 0.816;
+/// The force limit of y over its part of the normal: what the normal force may reach, N.
+const LIMIT_N: f64 = 200.0 / 0.906_307_787;
+
+/// A daemon, and what it says.
+struct Cell {
+    ipc: PrivateIpc,
+    config: PathBuf,
+    daemon: Child,
+}
+
+impl Cell {
+    /// The default profile, for a busy machine, with these keys besides.
+    fn new(changes: &[(&str, &str)]) -> Self {
+        let ipc = PrivateIpc::new("planar");
+        let delay = ("control.command_delay_s", "0.001");
+        let config = write(&ipc, "daemon.toml", &with_keys(MPC_DEFAULT, &[&PATIENT[..], &[delay], changes].concat()));
+        let daemon = start_daemon(&ipc, &config);
+        Self { ipc, config, daemon }
+    }
+
+    /// The paper's experiment with faults as (kind, first s, duration s).
+    fn scenario(&self, faults: &[(&str, f64, f64)], changes: &[(&str, &str)]) -> PathBuf {
+        let fault = |(kind, at_s, duration_s): &(&str, f64, f64)| {
+            format!("{{ at_s = {at_s:?}, duration_s = {duration_s:?}, kind = \"{kind}\" }}")
+        };
+        let faults = format!("[{}]", faults.iter().map(fault).collect::<Vec<_>>().join(", "));
+        let keys = [("timing.command_delay_s", "0.001"), ("fault", &faults)];
+        write(&self.ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &[&keys[..], changes].concat()))
+    }
+
+    /// Runs it; what `status` says, as JSON and as text, long before its end.
+    fn run(&self, faults: &[(&str, f64, f64)]) -> (Vec<TruthSample>, Value, String) {
+        let mut said = None;
+        let truths = run_plant(&self.ipc, &self.scenario(faults, &[]), |truth| {
+            if said.is_none() && truth.scenario_time_s > 1.6 {
+                said = Some((self.status(), self.ask(&["status"])));
+            }
+        });
+        let (status, text) = said.expect("it was asked");
+        (truths, status, text)
+    }
+
+    fn ask(&self, words: &[&str]) -> String {
+        output(ctl_command(&self.ipc, words[0], &self.config).args(&words[1..])).1
+    }
+
+    fn status(&self) -> Value {
+        let text = self.ask(&["status", "--json"]);
+        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"))
+    }
+
+    fn log(&self) -> String {
+        self.daemon.stderr()
+    }
+}
+
+fn peak(truths: &[TruthSample]) -> f64 {
+    truths.iter().map(|truth| truth.peak_normal_force_n).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_controller_that_forgets_to_notify_has_no_sample_missed_and_is_told() {
+    for wait in ["\"event\"", "\"hybrid\""] {
+        undisturbed(|| {
+            let cell = Cell::new(&[("control.wait", wait), ("control.spin_s", "0.00001")]);
+            let (truths, status, _) = cell.run(&[("unnotified", -10.0, 20.0)]);
+            let log = cell.log();
+            println!("{wait}: {} missed of {}, peak {:.1} N", status["missed_count"], status["cycles"], peak(&truths));
+            assert_eq!(status["missed_count"], 0, "{log}");
+            assert!(peak(&truths) <= LIMIT_N, "{} N", peak(&truths));
+            assert!(truths.last().is_some_and(|truth| truth.in_contact == 1 && truth.motion == Motion::Offset.code()));
+            assert!(wait != "\"event\"" || log.contains("the motion controller must notify state-arrival"), "{log}");
+        });
+    }
+}
+
+#[test]
+fn a_daemon_that_spins_briefly_does_not_sleep_ever_longer() {
+    undisturbed(|| {
+        // It wakes up from its sleep later than it would have spun.
+        let cell = Cell::new(&[("control.wait", "\"hybrid\""), ("control.spin_s", "0.00001")]);
+        let (truths, status, _) = cell.run(&[]);
+        println!("wake-up {}, peak {:.1} N", status["wake_up_time"], peak(&truths));
+        assert_eq!(status["mode"], "Contact", "answers came in time: {}", cell.log());
+        assert!(peak(&truths) <= LIMIT_N, "{} N: {}", peak(&truths), cell.log());
+    });
+}
+
+#[test]
+fn an_arm_of_which_one_sample_in_thirteen_is_seen_does_not_touch() {
+    undisturbed(|| {
+        let cell = Cell::new(&[]);
+        let (truths, status, text) = cell.run(&[("sparse", -0.4, 10.0)]);
+        let log = cell.log();
+        println!("peak {:.1} N, {} missed; {text}", peak(&truths), status["missed_count"]);
+        assert_eq!(peak(&truths), 0.0, "it is held before: {log}");
+        assert!(log.contains("state samples missed: what the law acted on became up to 52.0 ms old"), "{log}");
+        assert!(log.contains("Idle: SamplesMissed, 12 state samples before this one were missed"), "{log}");
+        assert_eq!((&status["mode"], &status["stop_reason"]), (&"Idle".into(), &"SamplesMissed".into()), "{text}");
+        assert!(status["missed_count"].as_u64().is_some_and(|missed| missed > 250), "{status}");
+        assert!(text.contains("Idle (SamplesMissed), holding, 12 state samples"), "{text}");
+    });
+}
+
+#[test]
+fn samples_missed_in_contact_are_a_stop_with_its_own_reason() {
+    // Once, for longer than the last plan lasts; and shorter, again and again.
+    for (bridged, expected) in [("3", "12 of the last 100"), ("20", "36 of the last 100")] {
+        undisturbed(|| {
+            let cell = Cell::new(&[("control.max_consecutive_fallbacks", bridged)]);
+            let (truths, status, _) = cell.run(&[("sparse", CONTACT_S + 0.3, 10.0)]);
+            let log = cell.log();
+            println!(
+                "{bridged}: peak {:.1} N, rests at {:.1} N",
+                peak(&truths),
+                truths[truths.len() - 1].normal_force_n
+            );
+            assert!(log.contains(": SamplesMissed, 12 state samples before this one were missed, "), "{log}");
+            assert!(log.contains(expected), "{log}");
+            let said = (&status["mode"], &status["stop_reason"], &status["motion"]);
+            assert_eq!(said, (&"Stopped".into(), &"SamplesMissed".into(), &"Hold".into()), "{log}");
+            assert!(peak(&truths) <= LIMIT_N, "{} N", peak(&truths));
+        });
+    }
+}
+
+#[test]
+fn a_pause_in_contact_is_no_wrong_rate() {
+    undisturbed(|| {
+        let cell = Cell::new(&[]);
+        // Each of 5 ms, two of them in a row.
+        let at = [0.2, 0.3, 0.4, 0.404, 0.7, 0.8].map(|after| ("overrun", CONTACT_S + after, 0.004));
+        let (truths, status, _) = cell.run(&at);
+        let log = cell.log();
+        assert!(!log.contains("RateMismatch"), "{log}");
+        assert_eq!((&status["mode"], &status["missed_count"]), (&"Contact".into(), &0.into()), "{log}");
+        let longer = truths.windows(2).filter(|pair| pair[1].stamp_ns - pair[0].stamp_ns == 9_000_000).count();
+        assert_eq!(longer, at.len(), "pauses");
+    });
+}
+
+#[test]
+fn a_sequence_that_jumps_is_said_and_nothing_else() {
+    undisturbed(|| {
+        let cell = Cell::new(&[]);
+        let (truths, status, _) = cell.run(&[("sequence_jump", CONTACT_S + 0.3, 1.0)]);
+        let log = cell.log();
+        assert!(log.contains("sequence jumped by 1000000 to 1000"), "{log}");
+        assert!(!log.contains("0.0000 ms") && !log.contains("RateMismatch"), "{log}");
+        assert_eq!((&status["mode"], &status["missed_count"]), (&"Contact".into(), &0.into()), "{log}");
+        assert!(peak(&truths) <= LIMIT_N, "{} N", peak(&truths));
+    });
+}
+
+#[test]
+fn a_sequence_left_at_zero_is_in_log_and_status() {
+    let mut cell = Cell::new(&[]);
+    let scenario = cell.scenario(&[("unnumbered", -60.0, 100.0)], &[]);
+    let _plant = Child::spawn(&mut plant_command(&cell.ipc, &scenario));
+    wait_for_log(&mut cell.daemon, "sample not used: sequence = 0: the motion controller must number its samples");
+    let (text, status) = (cell.ask(&["status"]), cell.status());
+    assert!(text.starts_with("Idle, sequence = 0: the motion controller must number its samples, from 1"), "{text}");
+    assert!(status["rejected_count"].as_u64().is_some_and(|rejected| rejected > 0), "{status}");
+    assert_eq!((&status["mode"], &status["cycles"]), (&"Idle".into(), &0.into()), "{status}");
+}
+
+#[test]
+fn a_stopped_arm_whose_position_jumps_is_held_until_a_reset() {
+    undisturbed(|| {
+        let cell = Cell::new(&[("control.max_consecutive_fallbacks", "3")]);
+        // Long before the jump ends the motion leads out of the surface.
+        let phases = "[{ duration_s = 1.3, twist = [0.0, -0.25] }, { duration_s = 4.0, twist = [0.005, 0.02] }]";
+        let scenario = cell.scenario(&[("position_jump", 1.1, 10.0)], &[("motion", phases)]);
+        let mut asked = None;
+        let truths = run_plant(&cell.ipc, &scenario, |truth| {
+            if asked.is_none() && truth.scenario_time_s > 2.5 {
+                let text = cell.ask(&["status"]);
+                assert!(text.contains("a reset accepts where it is now"), "{text}");
+                asked = Some((truth.scenario_time_s, cell.ask(&["reset"])));
+            }
+        });
+        let (at, answer) = asked.expect("it was asked");
+        let log = cell.log();
+        assert!(log.contains("Stopped: SampleInvalid, joint_position[1] jumped by"), "{log}");
+        let held = truths.iter().filter(|truth| (1.5..at).contains(&truth.scenario_time_s));
+        assert!(held.clone().count() > 200 && held.clone().all(|truth| truth.motion == Motion::Hold.code()), "{log}");
+        // What it knows of force and motion is from before the jump, when the arm pressed: the reset
+        // is refused, and the arm believed. It may retreat.
+        assert!(answer.contains("reset refused") && answer.contains("retreat"), "{answer}");
+        assert!(
+            truths.iter().any(|truth| truth.scenario_time_s > at && truth.motion == Motion::Offset.code()),
+            "{log}"
+        );
+        assert!(truths.last().is_some_and(|truth| truth.in_contact == 0), "{log}");
+    });
+}
