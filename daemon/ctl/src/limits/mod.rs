@@ -61,7 +61,7 @@ pub(crate) struct Args {
     /// Cycle times in s; 4, 2 and 1 ms and the configured one when absent.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     sampling_time_s: Option<Vec<f64>>,
-    /// Also 0.1 and 10 times the stiffness, 0.5 and 0.25 ms: takes minutes.
+    /// Also 0.1 and 10 times the stiffness, 0.5 and 0.25 ms: takes several times as long.
     #[arg(long)]
     all: bool,
     /// Instants of contact within a cycle, evenly spread, that a safe speed has to be safe at.
