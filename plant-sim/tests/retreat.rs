@@ -14,7 +14,7 @@ use plant_sim::setup;
 /// in s, and what was commanded meanwhile.
 fn ended(scenario: &Scenario, law: impl Fn(&StateSample) -> CommandSample) -> (Retreated, f64, Vec<[f64; 2]>) {
     let mut plant: Plant<2, 2> = setup::plant(scenario, 1_000_000_000, 1, false).expect("the scenario can be set up");
-    let mut turn = |plant: &mut Plant<2, 2>| {
+    let turn = |plant: &mut Plant<2, 2>| {
         let state = *plant.sample();
         assert_eq!(plant.receive(&law(&state), state.stamp_ns).expect("acceptable"), Some(Reception::InTime));
         let truth = plant.settle(CycleTiming::default());
