@@ -11,6 +11,9 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         if self.parameters.surface.is_none() {
             return true;
         }
+        if self.contact.penetration >= 0.0 {
+            return false;
+        }
         let speed = self.parameters.joints.most_speed(&self.joints, reference);
         self.contact.penetration + speed.dot(&self.reach) * seconds(duration_ns) < 0.0
     }
