@@ -12,8 +12,9 @@ Usage: install.sh [--root DIR] [--binaries DIR]
 
   --root DIR      a file system to install into, such as an image's; default: this machine, where it needs root
   --binaries DIR  the built programs; default: target/release of this tree, or of CARGO_TARGET_DIR
-  --uninstall     stop all instances and remove what was installed; /etc/admittanced and the user stay
-  --purge         with --uninstall: remove /etc/admittanced, its files included, and the user as well
+  --uninstall     stop all instances and remove what was installed; /etc/admittanced, recordings in /var/lib/admittanced and the
+                  user stay
+  --purge         with --uninstall: remove both directories, their files included, and the user as well
 
 An installation over another one replaces it; running daemons go on with the old program until they are restarted.
 Exit codes: 0 done, 64 usage, 66 a file is missing, 69 no systemd, 77 no permission.
@@ -165,7 +166,7 @@ if [ -f "$manifest" ]; then
 fi
 remove_files
 if [ -n "$purge" ]; then
-    rm -rf "$root/etc/admittanced"
+    rm -rf "$root/etc/admittanced" "$root/var/lib/admittanced"
     if grep -qs '^admittanced:' "$root/etc/passwd"; then userdel ${root:+--prefix "$root"} admittanced; fi
     # With the user in most distributions.
     if grep -qs '^admittanced:' "$root/etc/group"; then groupdel ${root:+--prefix "$root"} admittanced; fi
@@ -175,4 +176,4 @@ if is_live; then
     systemctl daemon-reload
 fi
 reload_udev
-if [ -n "$purge" ]; then echo "removed"; else echo "removed; /etc/admittanced and the user admittanced stay (--purge)"; fi
+if [ -n "$purge" ]; then echo "removed"; else echo "removed; /etc/admittanced, /var/lib/admittanced and the user admittanced stay (--purge)"; fi

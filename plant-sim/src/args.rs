@@ -12,7 +12,8 @@ use clap::Parser;
     version,
     args_override_self = true,
     about = "An emulated motion controller and robot for admittanced: joint speed loops, contact, wrench estimate, in real time.",
-    after_help = "Motion starts once admittanced answers. Exit codes: 0 the scenario ended, or a signal did; 64 usage, 66 no such \
+    after_help = "Motion starts once admittanced answers. At its end, and at SIGINT or SIGTERM, a tool on the surface is first moved \
+    out of\nit, 5 mm; a second signal ends that too. Exit codes: 0 the scenario ended, or a signal did; 64 usage, 66 no such \
     file,\n69 no daemon answers, or the services are held by another plant; 77 no permission, 78 scenario.\n\nExample: plant-sim \
     --scenario plant-sim/scenarios/paper.toml --instance cell-3"
 )]

@@ -5,13 +5,16 @@
 mod dead_time;
 mod measurement;
 mod parameters;
+mod retreat;
 mod substep;
 
 pub use measurement::CycleTiming;
 pub use parameters::PlantParameters;
+pub use retreat::Retreated;
 
 use dead_time::DeadTime;
 use measurement::Peaks;
+use retreat::Retreat;
 
 use crate::environment::{Contact, Surface};
 use crate::faults::FaultKind;
@@ -61,6 +64,8 @@ pub struct Plant<const N: usize, const D: usize> {
     contact_losses: u32,
     peaks: Peaks,
     singular: bool,
+    /// The way out of the surface, once it has begun.
+    retreat: Option<Retreat>,
     sample: StateSample,
 }
 
@@ -96,6 +101,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             contact_losses: 0,
             peaks: Peaks::of(&contact),
             singular: false,
+            retreat: None,
             sample: StateSample::zeroed(),
             parameters,
         };
@@ -155,21 +161,33 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     /// Goes on to the next sample: the joints follow the commands, each from the instant at which
     /// it acts.
     pub fn integrate(&mut self) {
-        let start_ns = self.now_ns;
         let cycle_ns = self.cycle_ns();
-        let end_ns = start_ns + cycle_ns;
         let twist = self.twist_reference();
-        while self.now_ns < end_ns {
-            self.playback.apply_due(self.now_ns);
-            self.update_reference(&twist);
-            let until_ns = [self.playback.next_due(), self.playback.next_change(self.now_ns)];
-            let until_ns = until_ns.into_iter().flatten().fold(end_ns, u64::min);
-            self.integrate_until(until_ns, start_ns);
-        }
+        self.pass_cycle(&twist);
         let duration_s = seconds(cycle_ns);
         match advance_reference(&self.parameters.chain, &self.position_reference, &twist, duration_s) {
             Ok(position) => self.position_reference = position,
             Err(_) => self.singular = true,
+        }
+        self.go_on_retreating();
+        self.measure();
+    }
+
+    /// Goes to the instant of the next sample, without anything that a controller would be shown.
+    pub(crate) fn integrate_unseen(&mut self) {
+        let twist = self.twist_reference();
+        self.pass_cycle(&twist);
+    }
+
+    fn pass_cycle(&mut self, twist: &SVector<f64, D>) {
+        let start_ns = self.now_ns;
+        let end_ns = start_ns + self.cycle_ns();
+        while self.now_ns < end_ns {
+            self.playback.apply_due(self.now_ns);
+            self.update_reference(twist);
+            let until_ns = [self.playback.next_due(), self.playback.next_change(self.now_ns)];
+            let until_ns = until_ns.into_iter().flatten().fold(end_ns, u64::min);
+            self.integrate_until(until_ns, start_ns);
         }
         if self.index < 0 && self.parameters.wait_for_command && !self.playback.has_received() {
             self.index = -self.parameters.waiting_samples();
@@ -178,7 +196,6 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         }
         self.sequence += self.parameters.faults.sequence_step(self.index);
         self.playback.begin_sample(self.sequence, self.now_ns);
-        self.measure();
     }
 
     /// Index of the current sample, 0 at the start of the motion and negative before.
@@ -236,7 +253,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     }
 
     fn twist_reference(&self) -> SVector<f64, D> {
-        if self.fault(FaultKind::DrivesDisabled) { SVector::zeros() } else { self.parameters.motion.twist(self.index) }
+        if self.fault(FaultKind::DrivesDisabled) { SVector::zeros() } else { self.commanded_twist() }
     }
 
     /// q̇_ref = J⁻¹(q)(ṗ0 + Δṗ), or zero when holding.
@@ -246,7 +263,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     }
 
     fn reference_of(&mut self, twist: &SVector<f64, D>) -> SVector<f64, N> {
-        let Applied::Offset(offset) = self.playback.applied(self.now_ns) else { return SVector::zeros() };
+        let Applied::Offset(offset) = self.applied() else { return SVector::zeros() };
         let twist = SVector::<f64, D>::from_fn(|axis, _| twist[axis] + offset[axis]);
         if self.fault(FaultKind::DrivesDisabled) || twist.iter().all(|value| *value == 0.0) {
             return SVector::zeros();
@@ -273,12 +290,22 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     fn follow_until(&mut self, until_ns: u64, start_ns: u64, reference: &SVector<f64, N>) {
         let grid_ns = self.parameters.substep_ns;
         while self.now_ns < until_ns {
-            let next_ns = if self.stays_free(until_ns - self.now_ns, reference) {
-                until_ns
+            let from_ns = self.now_ns;
+            let is_free = self.stays_free(until_ns - from_ns, reference);
+            if is_free && self.steps_are_exact(reference) {
+                self.substep(until_ns - from_ns, reference, false);
+                continue;
+            }
+            let on_grid = |now_ns: u64| until_ns.min(start_ns + ((now_ns - start_ns) / grid_ns + 1) * grid_ns);
+            // The steps of a free arm differ in what is reported alone: where it is shows at their end.
+            while is_free && self.now_ns < until_ns {
+                self.substep(on_grid(self.now_ns) - self.now_ns, reference, true);
+            }
+            if is_free {
+                self.look(until_ns - from_ns);
             } else {
-                until_ns.min(start_ns + ((self.now_ns - start_ns) / grid_ns + 1) * grid_ns)
-            };
-            self.substep(next_ns - self.now_ns, reference);
+                self.substep(on_grid(from_ns) - from_ns, reference, false);
+            }
         }
     }
 }

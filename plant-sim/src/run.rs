@@ -4,7 +4,7 @@ use admittance_client::{Reception, Rejection};
 use admittance_core::with_arm;
 use ipc_types::{CommandSample, StateSample, TruthSample, VirtualPlant};
 
-use crate::plant::{CycleTiming, Plant};
+use crate::plant::{CycleTiming, Plant, Retreated};
 use crate::scenario::Scenario;
 use crate::setup::{self, SetupError};
 
@@ -36,6 +36,10 @@ pub trait AnyPlant {
     fn is_finished(&self) -> bool;
     /// Whether the arm met a singular pose.
     fn met_singularity(&self) -> bool;
+    /// Ends the motion and moves the tool out of the surface, if it is not clear of it.
+    fn begin_retreat(&mut self);
+    /// How that ended; `None` before.
+    fn retreated(&self) -> Option<Retreated>;
 }
 
 impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
@@ -81,6 +85,14 @@ impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
 
     fn met_singularity(&self) -> bool {
         self.met_singularity()
+    }
+
+    fn begin_retreat(&mut self) {
+        self.begin_retreat();
+    }
+
+    fn retreated(&self) -> Option<Retreated> {
+        self.retreated()
     }
 }
 

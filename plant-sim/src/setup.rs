@@ -196,6 +196,7 @@ fn free_position<const N: usize, const D: usize>(
         start,
         surface: None,
         sensor: None,
+        velocity_lag_s: 0.0,
         settle_samples: 0,
         wait_for_command: false,
         faults: Faults::default(),
@@ -203,7 +204,7 @@ fn free_position<const N: usize, const D: usize>(
     });
     let end_ns = parameters.first_stamp_ns + instant_ns;
     while plant.now_ns() + parameters.sampling_time_ns <= end_ns {
-        plant.integrate();
+        plant.integrate_unseen();
     }
     if plant.now_ns() < end_ns {
         plant.integrate_partly(end_ns, 0.0);

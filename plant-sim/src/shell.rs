@@ -16,9 +16,10 @@ use admittance_host::time_limit::TimeLimit;
 use admittance_host::{cpu, logging};
 use ipc_types::resources::Needed;
 use ipc_types::services::{self, Access};
+use ipc_types::{Publisher, TruthSample};
 
 use crate::args::{self, Args};
-use crate::plant::CycleTiming;
+use crate::plant::{CycleTiming, Retreated};
 use crate::run::{AnyPlant, any_plant};
 use crate::scenario::Scenario;
 use crate::summary::Summary;
@@ -105,19 +106,16 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
     let boot_id = (first ^ u64::from(std::process::id()) << 32) | 1;
     let mut plant =
         any_plant(&scenario, first, boot_id, true).map_err(|error| (ExitCode::Config, error.to_string()))?;
-    let sampling_time = Span::from_seconds(scenario.timing.sampling_time_s).nanoseconds();
-    let delay = Span::from_seconds(scenario.timing.command_delay_s).nanoseconds();
     let patience = first + (args.controller_timeout_s * 1e9) as u64;
+    let turns = Turns {
+        ports,
+        truths,
+        sampling_time: Span::from_seconds(scenario.timing.sampling_time_s).nanoseconds(),
+        delay: Span::from_seconds(scenario.timing.command_delay_s).nanoseconds(),
+    };
     let mut summary = Summary::of_scenario(&scenario);
     while !plant.is_finished() && !stop.load(Ordering::Relaxed) {
-        let timing = cycle(&ports, &mut *plant, sampling_time, delay);
-        let truth = plant.settle(timing);
-        if let Ok(slot) = truths.loan_uninit() {
-            // No subscriber is no failure.
-            let _ = slot.write_payload(truth).send();
-        }
-        summary.add(&truth);
-        plant.integrate();
+        summary.add(&turns.turn(&mut *plant));
         if plant.met_singularity() {
             return Err((
                 ExitCode::Config,
@@ -148,7 +146,50 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
             plant.rejected()
         );
     }
+    // A second signal ends the retreat as well.
+    stop.store(false, Ordering::Relaxed);
+    plant.begin_retreat();
+    let was_clear = plant.retreated().is_some();
+    while plant.retreated().is_none() && !stop.load(Ordering::Relaxed) {
+        turns.turn(&mut *plant);
+    }
+    match plant.retreated() {
+        _ if was_clear => {}
+        None => tracing::warn!("the retreat was ended by a signal: the tool may still press on the surface"),
+        Some(Retreated { is_clear: false, gap_m, .. }) => {
+            tracing::warn!("the tool did not get away from the surface: it is {:.1} mm from it", gap_m * 1e3);
+        }
+        Some(Retreated { gap_m, was_jogged, .. }) if !args.quiet => {
+            let how = if was_jogged { ", without the daemon's offset, which kept it there" } else { "" };
+            tracing::info!("retreated: the tool is {:.1} mm from the surface{how}", gap_m * 1e3);
+        }
+        Some(_) => {}
+    }
     Ok(())
+}
+
+/// What every cycle needs.
+struct Turns {
+    ports: Ports,
+    truths: Publisher<TruthSample>,
+    /// T_s in ns.
+    sampling_time: u64,
+    /// When the command of a sample acts, in ns after its stamp.
+    delay: u64,
+}
+
+impl Turns {
+    /// One cycle, with its truth.
+    fn turn(&self, plant: &mut dyn AnyPlant) -> TruthSample {
+        let timing = cycle(&self.ports, plant, self.sampling_time, self.delay);
+        let truth = plant.settle(timing);
+        if let Ok(slot) = self.truths.loan_uninit() {
+            // No subscriber is no failure.
+            let _ = slot.write_payload(truth).send();
+        }
+        plant.integrate();
+        truth
+    }
 }
 
 /// Publishes the current sample at its instant and waits for its answer.

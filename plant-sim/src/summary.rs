@@ -5,6 +5,9 @@ use ipc_types::TruthSample;
 /// Time in s at the end of the motion over which the settled values are means.
 pub const SETTLED_WINDOW_S: f64 = 0.2;
 
+/// Above what rounding adds to the time of a sample, in s, and below any cycle time.
+const ROUNDING_S: f64 = 1e-6;
+
 /// Accumulates truth samples of one run, in order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
@@ -77,6 +80,10 @@ impl Summary {
 
     /// Takes the next truth sample.
     pub fn add(&mut self, truth: &TruthSample) {
+        // What follows is the retreat, in which the tool leaves on purpose.
+        if truth.scenario_time_s > self.end_s + ROUNDING_S {
+            return;
+        }
         self.missed_samples += u64::from(truth.missed);
         if truth.scenario_time_s < 0.0 {
             return;

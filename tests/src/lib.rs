@@ -11,6 +11,7 @@ pub mod closed_loop;
 pub mod fault_matrix;
 mod machine;
 mod needs;
+pub mod page;
 mod private_ipc;
 pub mod session;
 mod stepped_clock;

@@ -152,6 +152,12 @@ pub fn drive_plant(
     }
 }
 
+/// The truths up to this time of the scenario in s, such as the end of its motion: what comes after
+/// it is the plant's retreat from the surface.
+pub fn until(truths: &[TruthSample], time_s: f64) -> &[TruthSample] {
+    &truths[..truths.partition_point(|truth| truth.scenario_time_s <= time_s + 1e-6)]
+}
+
 /// Waits until the log of a child contains `text`.
 ///
 /// # Panics

@@ -19,9 +19,10 @@ mount --bind /srv/etc /etc
 mount -t tmpfs tmpfs /usr/local
 umount -R /sys/fs/cgroup
 mount -t cgroup2 cgroup2 /sys/fs/cgroup
-for directory in /run /tmp /var/tmp /dev/shm /var/log /var/lib/systemd; do
+for directory in /run /tmp /var/tmp /dev/shm /var/log /var/lib; do
     mount -t tmpfs -o "mode=$(stat -c %a "$directory")" tmpfs "$directory"
 done
+mkdir /var/lib/systemd
 rm -rf /etc/systemd/system
 mkdir -p /etc/systemd/system /etc/systemd/journald.conf.d
 # The kernel speaks of the machine.

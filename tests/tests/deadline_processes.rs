@@ -9,16 +9,19 @@ use std::time::Duration;
 use admittance_host::clock::monotonic_ns;
 use admittance_host::realtime::{RealtimeSection, StepOutcome, apply_to_thread};
 use end_to_end::closed_loop::MPC_DEFAULT;
-use end_to_end::session::{PAPER_SCENARIO, PATIENT, drive_plant, start_daemon, with_keys, write};
+use end_to_end::session::{PAPER_SCENARIO, PATIENT, drive_plant, start_daemon, until, with_keys, write};
 use end_to_end::{Child, Need, PATIENCE, PrivateIpc, SteppedClock, needs, undisturbed};
 use ipc_types::services::{self, Access};
 use ipc_types::{CommandSample, Mode, Motion, Source, StopReason, TruthSample};
+
+/// How long the arm is moved toward the surface: its retreat is no part of a run.
+const MOTION_S: f64 = 2.4;
 
 /// The paper's scenario with first contact at 0.8 s, slow enough to bear a late answer.
 fn scenario(changes: &[(&str, &str)]) -> String {
     let slow = [
         ("timing.command_delay_s", "0.001"),
-        ("motion", "[{ duration_s = 2.4, twist = [0.0, -0.05] }]"),
+        ("motion", &format!("[{{ duration_s = {MOTION_S}, twist = [0.0, -0.05] }}]")),
         ("start.contact_time_s", "0.8"),
     ];
     with_keys(PAPER_SCENARIO, &[&slow, changes].concat())
@@ -73,7 +76,7 @@ fn run_beside(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mu
     let service = services::command(&node, &ipc.settings().instance, Access::Open).expect("the daemon made it");
     let subscriber = service.subscriber().expect("a subscriber");
     let (mut newest, mut commands) = (CommandSample::zeroed(), Vec::new());
-    let truths = drive_plant(&ipc, &write(&ipc, "scenario.toml", scenario), |plant, truth| {
+    let mut truths = drive_plant(&ipc, &write(&ipc, "scenario.toml", scenario), |plant, truth| {
         each(&mut daemon, plant, truth);
         if let Ok(Some(command)) = subscriber.receive() {
             newest = *command;
@@ -82,6 +85,8 @@ fn run_beside(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mu
     });
     daemon.terminate();
     assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
+    truths.truncate(until(&truths, MOTION_S).len());
+    commands.truncate(truths.len());
     Run { truths, commands, log: daemon.stderr() }
 }
 

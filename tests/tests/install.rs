@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use end_to_end::{Need, Systemd, needs};
+use end_to_end::{Need, Systemd, needs, page};
 
 const OPERATING: &str = include_str!("../../docs/operating.md");
 /// What a test run has done already.
@@ -11,17 +11,17 @@ const BUILD: &str = "cargo build --release --workspace --bins";
 
 /// Files and directories, beside backups that the tools for users leave, and users and groups.
 fn system(systemd: &Systemd, root: &str) -> (BTreeSet<String>, String) {
-    let paths = format!("cd {root}/ && find etc usr/local ! -name '*-' ! -name .pwd.lock 2>/dev/null || true");
+    let paths = format!(
+        "cd {root}/ && find etc usr/local var/lib/admittanced ! -name '*-' ! -name .pwd.lock 2>/dev/null || true"
+    );
     let users = format!("cat {root}/etc/passwd {root}/etc/group 2>/dev/null || true");
     (systemd.run(&paths).lines().map(str::to_owned).collect(), systemd.run(&users))
 }
 
 /// The commands of a section of docs/operating.md, without "sudo", which is for people.
 fn commands(section: &str) -> Vec<String> {
-    let text = OPERATING.split("\n## ").find_map(|text| text.strip_prefix(section)).expect("the page has the section");
-    let fenced = text.split("```sh\n").skip(1).filter_map(|text| text.split("```").next());
-    let lines = fenced.flat_map(str::lines).filter(|line| !line.is_empty());
-    lines.map(|line| line.strip_prefix("sudo ").unwrap_or(line).to_owned()).collect()
+    let commands = page::commands(OPERATING, section).into_iter();
+    commands.map(|line| line.strip_prefix("sudo ").map_or(line.clone(), str::to_owned)).collect()
 }
 
 #[test]
@@ -51,7 +51,13 @@ fn the_commands_of_the_page_install_run_and_remove() {
     // The configuration is the user's; all else has gone, running or not.
     let (paths, users) = system(&systemd, "");
     let left: Vec<&String> = paths.difference(&before.0).collect();
+    let (recordings, left): (Vec<&String>, Vec<&String>) = left.iter().partition(|path| path.starts_with("var/"));
     assert_eq!(left, ["etc/admittanced", "etc/admittanced/cell-3.scenario.toml", "etc/admittanced/cell-3.toml"]);
+    // A recording of the service's user, which was told no name.
+    let [directory, recording] = recordings[..] else { panic!("{recordings:?}") };
+    assert_eq!(directory, "var/lib/admittanced");
+    assert!(recording.contains("/cell-3-2") && recording.ends_with("Z.mcap"), "{recording}");
+    assert_eq!(systemd.run("stat -c '%U %a' /var/lib/admittanced").trim(), "admittanced 750");
     assert!(users.contains("admittanced"), "{users}");
     assert_eq!(systemd.try_run("systemctl cat admittanced@cell-3").0, Some(1));
     let processes = systemd.run("grep -lsx admittanced /proc/[0-9]*/comm || true");

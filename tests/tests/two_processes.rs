@@ -1,7 +1,7 @@
 //! Daemon and plant as two real processes over real shared memory, in real time.
 
 use end_to_end::session::{
-    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, daemon_command, run_plant, start_daemon, wait_for_log,
+    CONTRADICTION, MPC_PAPER, PAPER_SCENARIO, PATIENT, daemon_command, run_plant, start_daemon, until, wait_for_log,
     with_keys, write,
 };
 use end_to_end::{Child, PATIENCE, PrivateIpc, undisturbed};
@@ -12,6 +12,9 @@ use plant_sim::summary::Summary;
 /// Tests are not built for release: the command acts after a millisecond instead of the demo's
 /// quarter.
 const DELAY: (&str, &str) = ("timing.command_delay_s", "0.001");
+
+/// What the scenario commands.
+const MOTION_S: f64 = 2.0;
 
 fn scenario(changes: &[(&str, &str)]) -> String {
     with_keys(PAPER_SCENARIO, &[&[DELAY], changes].concat())
@@ -80,7 +83,7 @@ fn sigterm_in_contact_ends_held_at_a_low_force() {
     undisturbed(|| {
         let (truths, log) = stopped_at(1.2, libc::SIGTERM, "Stopped: Shutdown");
         assert!(log.contains("Stopped: Shutdown"), "{log}");
-        let last = truths.last().expect("a run");
+        let last = until(&truths, MOTION_S).last().expect("a run");
         assert_eq!(last.motion, Motion::Hold.code());
         println!("resting force {:.1} N", last.normal_force_n);
         assert!(
@@ -99,7 +102,11 @@ fn sigint_in_free_motion_ends_at_once_and_the_controller_stops_by_itself() {
         // Any stop in the log before the end fails the test.
         let (truths, log) = stopped_at(0.3, libc::SIGINT, "no stop");
         assert!(log.contains("SIGINT") && !log.contains("Stopped"), "{log}");
-        assert_eq!(truths.last().expect("a run").motion, Motion::Hold.code(), "no valid command: the plant holds");
+        assert_eq!(
+            until(&truths, MOTION_S).last().expect("a run").motion,
+            Motion::Hold.code(),
+            "no valid command: the plant holds"
+        );
         assert!(truths.iter().all(|truth| truth.in_contact == 0), "it stopped before it reached the surface");
     });
 }
@@ -120,7 +127,7 @@ fn samples_that_may_not_reach_the_law_stop_the_arm_with_their_reason() {
             // What counts as stale is part of this test: as shipped.
             let (truths, mut daemon, _ipc) = run_until_stopped(MPC_PAPER, &scenario, reason);
             wait_for_log(&mut daemon, reason);
-            let last = truths.last().expect("a run");
+            let last = until(&truths, MOTION_S).last().expect("a run");
             assert_eq!(last.motion, Motion::Hold.code(), "{kind}: {}", daemon.report());
             daemon.terminate();
             assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{kind}: {}", daemon.report());
@@ -136,7 +143,7 @@ fn an_infeasible_contact_is_a_latched_stop_that_says_what_is_missing() {
         let (truths, mut daemon, _ipc) = run_until_stopped(&config, &scenario(&[]), expected);
         wait_for_log(&mut daemon, expected);
         assert!(daemon.stderr().contains("is missed by at least"), "{}", daemon.report());
-        assert_eq!(truths.last().expect("a run").motion, Motion::Hold.code());
+        assert_eq!(until(&truths, MOTION_S).last().expect("a run").motion, Motion::Hold.code());
     });
 }
 

@@ -7,8 +7,8 @@ use admittance_host::config::parse;
 use admittance_runner::config::Config;
 use end_to_end::closed_loop::{Experiment, MPC_DEFAULT};
 use end_to_end::session::{
-    PAPER_SCENARIO, PATIENT, ctl_command, output, plant_command, run_plant, start_daemon, wait_for_log, with_keys,
-    write,
+    PAPER_SCENARIO, PATIENT, ctl_command, output, plant_command, run_plant, start_daemon, until, wait_for_log,
+    with_keys, write,
 };
 use end_to_end::{Child, PATIENCE, PrivateIpc, undisturbed};
 use ipc_types::{Fault, Source, StopReason};
@@ -30,11 +30,14 @@ fn configuration(changes: &[(&str, &str)]) -> String {
     with_keys(MPC_DEFAULT, &[&PATIENT[..], &soft, changes].concat())
 }
 
+/// What the scenario commands.
+const MOTION_S: f64 = 3.0;
+
 fn scenario(ipc: &PrivateIpc, changes: &[(&str, &str)]) -> PathBuf {
     let soft = [
         ("timing.command_delay_s", "0.003"),
         ("surface.stiffness_n_m", "2e4"),
-        ("motion", "[{ duration_s = 3.0, twist = [0.0, -0.05] }]"),
+        ("motion", &format!("[{{ duration_s = {MOTION_S:?}, twist = [0.0, -0.05] }}]")),
     ];
     write(ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &[&soft[..], changes].concat()))
 }
@@ -115,11 +118,18 @@ fn real_contact(sensor: &[(&str, &str)], compensation: &[(&str, &str)]) -> ([f64
     let ipc = PrivateIpc::new("planar");
     let config = write(&ipc, "daemon.toml", &configuration(compensation));
     let _daemon = start_daemon(&ipc, &config);
-    let truths = run_plant(&ipc, &scenario(&ipc, sensor), |_| {});
+    let mut said = None;
+    let truths = run_plant(&ipc, &scenario(&ipc, sensor), |truth| {
+        // Settled, and before the plant leaves the surface.
+        if truth.scenario_time_s > MOTION_S - 0.3 && said.is_none() {
+            said = Some(output(ctl_command(&ipc, "status", &config).arg("--json")));
+        }
+    });
     let peak = truths.iter().map(|truth| truth.peak_normal_force_n).fold(0.0, f64::max);
-    let end = &truths[truths.len() - truths.len() / 10..];
+    let pressed = until(&truths, MOTION_S);
+    let end = &pressed[pressed.len() - pressed.len() / 10..];
     let settled = end.iter().map(|truth| truth.normal_force_n).sum::<f64>() / end.len() as f64;
-    let (code, text) = output(ctl_command(&ipc, "status", &config).arg("--json"));
+    let (code, text) = said.expect("asked while it pressed");
     assert_eq!(code, Some(0), "{text}");
     ([peak, settled], serde_json::from_str(&text).expect("one JSON object"))
 }

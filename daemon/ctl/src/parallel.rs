@@ -4,15 +4,19 @@
 use std::io::{self, IsTerminal};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Between two lines of progress where stderr is no terminal.
+/// Until the first line of progress where stderr is no terminal, and between two of them.
+const FIRST_LINE: Duration = Duration::from_secs(1);
 const LINE: Duration = Duration::from_secs(5);
 /// Between two pictures of the bar.
 const TICK: Duration = Duration::from_millis(200);
+/// What is left of a duration before it is rounded.
+const HALF_A_SECOND: Duration = Duration::from_millis(500);
 
 /// Threads that this process can run at a time.
 pub fn processors() -> usize {
@@ -20,7 +24,7 @@ pub fn processors() -> usize {
 }
 
 /// `work` for 0 to `count` − 1, begun and returned in this order; `what` are the pieces that the
-/// progress bar counts.
+/// progress counts.
 ///
 /// # Errors
 /// The first error that any piece returns; the others are then given up.
@@ -30,24 +34,30 @@ pub fn map<T: Send>(
     what: &str,
     work: impl Fn(u64) -> Result<T, String> + Sync,
 ) -> Result<Vec<T>, String> {
-    map_weighted(count, threads, what, |_| 1, work)
+    let progress = Progress::begin(count, &format!("{count} {what}"));
+    map_within(&progress, count, threads, |index| {
+        let found = work(index)?;
+        progress.add(1);
+        Ok(found)
+    })
 }
 
-/// The same with pieces that take as long as their `weight` says, for the estimate of what is left.
+/// The same as a part of a longer work, whose progress `work` counts by itself.
 ///
 /// # Errors
 /// As [`map`].
-pub fn map_weighted<T: Send>(
+pub fn map_within<T: Send>(
+    progress: &Progress,
     count: u64,
     threads: usize,
-    what: &str,
-    weight: impl Fn(u64) -> u64,
     work: impl Fn(u64) -> Result<T, String> + Sync,
 ) -> Result<Vec<T>, String> {
+    if threads <= 1 || count <= 1 {
+        return (0..count).map(work).collect();
+    }
     let (next, (sender, receiver)) = (AtomicU64::new(0), mpsc::channel());
-    let mut progress = Progress::new(count, (0..count).map(&weight).sum(), what);
     let mut found = thread::scope(|scope| {
-        for _ in 0..threads.max(1) {
+        for _ in 0..count.min(threads as u64) {
             let (next, sender, work) = (&next, sender.clone(), &work);
             scope.spawn(move || {
                 loop {
@@ -63,72 +73,115 @@ pub fn map_weighted<T: Send>(
         let mut found = Vec::new();
         loop {
             match receiver.recv_timeout(LINE) {
-                Ok(piece) => {
-                    let (index, piece) = piece?;
-                    progress.add(weight(index));
-                    found.push((index, piece));
-                }
+                Ok(piece) => found.push(piece?),
                 Err(RecvTimeoutError::Timeout) => progress.say(),
                 Err(RecvTimeoutError::Disconnected) => return Ok::<Vec<(u64, T)>, String>(found),
             }
         }
     })?;
-    progress.bar.finish_and_clear();
     found.sort_by_key(|(index, _)| *index);
     Ok(found.into_iter().map(|(_, found)| found).collect())
 }
 
-/// How far the work is.
-struct Progress<'a> {
+/// How far a work is, in pieces that take about as long as their weights say.
+#[derive(Debug)]
+pub struct Progress {
     /// Hidden when stderr is no terminal.
     bar: ProgressBar,
-    what: &'a str,
-    count: u64,
-    done: u64,
+    what: String,
     /// Sum of the weights of all pieces, and of those that are done.
     total: u64,
-    weight: u64,
+    done: AtomicU64,
     begun: Instant,
-    said: Instant,
+    /// When the next line is due.
+    due: Mutex<Instant>,
 }
 
-impl<'a> Progress<'a> {
-    fn new(count: u64, total: u64, what: &'a str) -> Self {
-        let bar = ProgressBar::new(total).with_style(
-            ProgressStyle::with_template("{bar:40} {msg}, {elapsed} gone, {eta} left")
+impl Progress {
+    /// Of pieces with this sum of weights; `what` they are all together.
+    pub fn begin(total: u64, what: &str) -> Self {
+        let progress = Self::new(ProgressBar::new(total), total, what);
+        progress.bar.set_style(
+            ProgressStyle::with_template("{bar:40} {percent} % of {msg}, {elapsed} gone, {eta} left")
                 .unwrap_or_else(|_| ProgressStyle::default_bar()),
         );
-        let now = Instant::now();
-        let progress = Self { bar, what, count, done: 0, total, weight: 0, begun: now, said: now };
-        progress.bar.set_message(format!("0/{count} {what}"));
+        progress.bar.set_message(progress.what.clone());
         progress.bar.enable_steady_tick(TICK);
         progress
     }
 
-    fn add(&mut self, weight: u64) {
-        self.done += 1;
-        self.weight += weight;
-        self.bar.set_position(self.weight);
-        self.bar.set_message(format!("{}/{} {}", self.done, self.count, self.what));
+    /// Of a work that says nothing.
+    pub fn silent() -> Self {
+        Self::new(ProgressBar::hidden(), 0, "")
+    }
+
+    fn new(bar: ProgressBar, total: u64, what: &str) -> Self {
+        let now = Instant::now();
+        let due = Mutex::new(now + FIRST_LINE);
+        Self { bar, what: what.to_owned(), total, done: AtomicU64::new(0), begun: now, due }
+    }
+
+    /// Pieces with this sum of weights are done.
+    pub fn add(&self, weight: u64) {
+        self.done.fetch_add(weight, Ordering::Relaxed);
+        self.bar.inc(weight);
         self.say();
     }
 
+    /// A part whose weight is only estimated.
+    pub fn part(&self, estimate: u64) -> Part<'_> {
+        Part { progress: self, left: AtomicU64::new(estimate) }
+    }
+
     /// A line for who has no terminal.
-    fn say(&mut self) {
-        if io::stderr().is_terminal() || self.said.elapsed() < LINE || self.done == self.count {
+    fn say(&self) {
+        let done = self.done.load(Ordering::Relaxed);
+        if done >= self.total || io::stderr().is_terminal() {
             return;
         }
-        self.said = Instant::now();
+        let mut due = self.due.lock().unwrap_or_else(PoisonError::into_inner);
+        if Instant::now() < *due {
+            return;
+        }
+        *due = Instant::now() + LINE;
         let gone = self.begun.elapsed();
-        let left = left(gone, self.weight, self.total);
-        let left = left.map_or(String::new(), |left| format!(", about {:.0} s left", left.as_secs_f64()));
-        eprintln!("{}/{} {} after {:.0} s{left}", self.done, self.count, self.what, gone.as_secs_f64());
+        let left = left(gone, done, self.total);
+        let left = left.map_or(String::new(), |left| format!(", about {} s left", (left + HALF_A_SECOND).as_secs()));
+        eprintln!("{} % of {} after {:.0} s{left}", 100 * done / self.total, self.what, gone.as_secs_f64());
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// A part of a work: at its end it counts as done, whatever it took.
+#[derive(Debug)]
+pub struct Part<'a> {
+    progress: &'a Progress,
+    left: AtomicU64,
+}
+
+impl Part<'_> {
+    /// So much of it is done.
+    pub fn add(&self, weight: u64) {
+        let less = |left: u64| Some(left.saturating_sub(weight));
+        let before = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, less).unwrap_or(0);
+        self.progress.add(before.min(weight));
+    }
+}
+
+impl Drop for Part<'_> {
+    fn drop(&mut self) {
+        self.progress.add(self.left.swap(0, Ordering::Relaxed));
     }
 }
 
 /// How long the rest takes when it goes on like this; `None` before the first piece.
 fn left(gone: Duration, done: u64, total: u64) -> Option<Duration> {
-    (done > 0).then(|| gone.mul_f64((total - done) as f64 / done as f64))
+    (done > 0).then(|| gone.mul_f64(total.saturating_sub(done) as f64 / done as f64))
 }
 
 #[cfg(test)]
@@ -146,6 +199,20 @@ mod tests {
     fn the_rest_is_estimated_by_weight() {
         assert_eq!(left(Duration::from_secs(6), 3, 12), Some(Duration::from_secs(18)));
         assert_eq!(left(Duration::from_secs(6), 0, 12), None);
+    }
+
+    #[test]
+    fn a_part_counts_as_it_was_estimated() {
+        let progress = Progress::begin(100, "numbers");
+        let done = || progress.done.load(Ordering::Relaxed);
+        let part = progress.part(30);
+        part.add(20);
+        assert_eq!(done(), 20);
+        part.add(40);
+        assert_eq!(done(), 30, "it took longer than estimated");
+        drop(part);
+        drop(progress.part(50));
+        assert_eq!(done(), 80, "it took less");
     }
 
     #[test]

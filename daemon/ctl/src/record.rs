@@ -3,6 +3,7 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,6 +12,7 @@ use std::time::{Duration, Instant};
 use ipc_types::services::{self, Access};
 use ipc_types::{IpcSettings, Node, RecordKind, RecordSample, Subscriber, TruthSample};
 use mcap::McapError;
+use time::OffsetDateTime;
 
 use crate::Exit;
 use crate::recording::RecordingWriter;
@@ -23,6 +25,8 @@ const CHUNK: Duration = Duration::from_millis(500);
 /// Without a record for so long the daemon is gone: it makes one per cycle, and at least one a
 /// second without samples.
 const SILENT: Duration = Duration::from_secs(3);
+/// Recordings of the service's user: `StateDirectory=` of its unit.
+const STATE_DIRECTORY: &str = "/var/lib/admittanced";
 /// Between two looks for a plant.
 const TRUTH_LOOK: Duration = Duration::from_millis(100);
 
@@ -30,13 +34,14 @@ const TRUTH_LOOK: Duration = Duration::from_millis(100);
 #[command(
     after_help = "Ctrl-C ends the recording in order; a kill loses the last second at most. Channels: /state, /command, /cycle, and \
     /truth of plant-sim. Foxglove and PlotJuggler open the file.\n\nExit codes: 0 recorded, 64 usage, 66 no configuration, 69 no \
-    daemon, 73 FILE cannot be created, 74 writing failed.\n\nExamples:\n  admittancectl record contact.mcap --instance cell-3\n  \
+    daemon, 73 FILE cannot be created, 74 writing failed.\n\nExamples:\n  runuser -u admittanced -- admittancectl record --instance cell-3\n  \
     admittancectl record contact.mcap --config cell.toml --seconds 30"
 )]
 /// The recorder's arguments.
 pub struct Args {
-    /// The recording; it must not exist yet.
-    file: PathBuf,
+    /// The recording; it must not exist yet. INSTANCE-TIME.mcap (UTC) when absent: in
+    /// /var/lib/admittanced for the service's user, for others in the present directory.
+    file: Option<PathBuf>,
     #[command(flatten)]
     target: Target,
     /// End after this many seconds; on Ctrl-C when absent.
@@ -71,11 +76,15 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         signal_hook::flag::register(signal, Arc::clone(&interrupted))
             .map_err(|error| unavailable(format!("signal handlers: {error}")))?;
     }
-    let file = create(&args.file, args.overwrite)?;
-    let failed = |error: McapError| (Exit::IoError, failure(&args.file, error));
+    let path = match &args.file {
+        Some(path) => path.clone(),
+        None => default_path(Path::new(STATE_DIRECTORY), settings.instance.as_str(), OffsetDateTime::now_utc()),
+    };
+    let file = create(&path, args.overwrite)?;
+    let failed = |error: McapError| (Exit::IoError, failure(&path, error));
     let writer =
         RecordingWriter::new(BufWriter::new(file), settings.instance.as_str(), &configuration).map_err(failed)?;
-    eprintln!("recording admittanced/{} into {}", settings.instance, args.file.display());
+    eprintln!("recording admittanced/{} into {}", settings.instance, path.display());
     let mut recorder = Recorder { writer, config_path, tally: Tally::default() };
     let until = args.seconds.map(|seconds| Instant::now() + seconds);
     let is_over = || interrupted.load(Ordering::Relaxed) || until.is_some_and(|until| Instant::now() >= until);
@@ -89,11 +98,26 @@ fn read_configuration(path: &Path) -> Result<String, (Exit, String)> {
     std::fs::read_to_string(path).map_err(|error| (Exit::NoInput, format!("{}: {error}", path.display())))
 }
 
+/// Where a recording goes that was given no name.
+fn default_path(state_directory: &Path, instance: &str, now: OffsetDateTime) -> PathBuf {
+    let (month, day) = (u8::from(now.month()), now.day());
+    let (hour, minute, second) = now.to_hms();
+    let name = format!("{instance}-{}{month:02}{day:02}T{hour:02}{minute:02}{second:02}Z.mcap", now.year());
+    // SAFETY: geteuid takes nothing, cannot fail and touches no memory.
+    let user = unsafe { libc::geteuid() };
+    let is_own = std::fs::metadata(state_directory).is_ok_and(|found| found.is_dir() && found.uid() == user);
+    if is_own { state_directory.join(name) } else { PathBuf::from(name) }
+}
+
 fn create(path: &Path, overwrite: bool) -> Result<File, (Exit, String)> {
     let file = if overwrite { File::create(path) } else { File::create_new(path) };
     file.map_err(|error| {
         let hint = match error.kind() {
             io::ErrorKind::AlreadyExists => ": choose another name, or give --overwrite",
+            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+                ": choose a place that this user may write to; without FILE the service's user writes to \
+                 /var/lib/admittanced"
+            }
             _ => "",
         };
         (Exit::CantCreate, format!("{}: {error}{hint}", path.display()))
@@ -221,6 +245,15 @@ mod tests {
         assert!(add(2, 1).expect("a restart").contains("restarted"));
         assert_eq!(add(2, 2), None);
         assert_eq!(tally.sentence(), "5 records; gaps: 1, records lost in them: 3");
+    }
+
+    #[test]
+    fn without_a_name_it_goes_where_this_user_may_write() {
+        let own = tempfile::tempdir().expect("a directory");
+        let now = OffsetDateTime::from_unix_timestamp(1_763_868_411).expect("an instant");
+        let name = "cell-3-20251123T032651Z.mcap";
+        assert_eq!(default_path(own.path(), "cell-3", now), own.path().join(name));
+        assert_eq!(default_path(Path::new("/no/such"), "cell-3", now), Path::new(name));
     }
 
     #[test]

@@ -78,7 +78,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     pub(super) fn truth(&mut self, timing: CycleTiming, missed: bool, missed_commands: u64) -> TruthSample {
         let pose = &self.kinematics.pose;
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(pose.rotation));
-        let (motion, offset) = match self.playback.applied(self.now_ns) {
+        let (motion, offset) = match self.applied() {
             Applied::Offset(offset) => (Motion::Offset, offset),
             Applied::Hold => (Motion::Hold, [0.0; TASK_AXES]),
         };

@@ -6,23 +6,28 @@ use super::{Plant, contact_of, seconds, substep_of};
 use crate::tool_inertia::Tool;
 
 impl<const N: usize, const D: usize> Plant<N, D> {
-    /// Whether the TCP cannot reach the surface in this time, so that a single step is exact: a
-    /// bound from joint speeds.
+    /// Whether the TCP cannot reach the surface in this time: a bound from joint speeds.
     pub(super) fn stays_free(&self, duration_ns: u64, reference: &SVector<f64, N>) -> bool {
-        let speed = self.parameters.joints.most_speed(&self.joints, reference);
-        // What a tool's inertia adds is no straight line over a long step.
-        // Nor is a velocity that is reported with a lag.
-        let shows_speed = self.tool().is_some() || self.parameters.velocity_lag_s > 0.0;
-        if shows_speed && speed.iter().any(|speed| *speed > 0.0) {
-            return false;
-        }
         if self.parameters.surface.is_none() {
             return true;
         }
-        if !self.delay_line.is_none() && !self.parameters.estimate.is_zero() {
+        if self.contact.penetration >= 0.0 {
             return false;
         }
+        let speed = self.parameters.joints.most_speed(&self.joints, reference);
         self.contact.penetration + speed.dot(&self.reach) * seconds(duration_ns) < 0.0
+    }
+
+    /// Whether a single step of a free arm shows the same as many short ones.
+    pub(super) fn steps_are_exact(&self, reference: &SVector<f64, N>) -> bool {
+        // What a tool's inertia adds is no straight line over a long step, nor is a velocity that is
+        // reported with a lag.
+        let shows_speed = self.tool().is_some() || self.parameters.velocity_lag_s > 0.0;
+        let speed = self.parameters.joints.most_speed(&self.joints, reference);
+        if shows_speed && speed.iter().any(|speed| *speed > 0.0) {
+            return false;
+        }
+        self.parameters.surface.is_none() || self.delay_line.is_none() || self.parameters.estimate.is_zero()
     }
 
     /// What hangs on the sensor.
@@ -39,7 +44,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         })
     }
 
-    pub(super) fn substep(&mut self, duration_ns: u64, reference: &SVector<f64, N>) {
+    /// A step; where the TCP is then is not looked at as long as it is known to be free.
+    pub(super) fn substep(&mut self, duration_ns: u64, reference: &SVector<f64, N>, is_free: bool) {
         let step = if duration_ns == self.usual_substep.duration_ns {
             self.usual_substep
         } else {
@@ -50,22 +56,29 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         self.parameters.estimate.jump(&(inertia - self.tool_inertia));
         step.joints.advance(&mut self.joints, reference);
         self.now_ns += duration_ns;
+        if !is_free {
+            self.look(duration_ns);
+        }
+        self.tool_inertia = self.inertia_of_tool(reference);
+        self.reported_velocity += (self.joints.velocity - self.reported_velocity) * step.velocity_share;
+        let pressing = SVector::from_fn(|axis, _| if axis < 3 { self.contact.force[axis] } else { 0.0 });
+        self.parameters.estimate.advance(&step.estimate, &(pressing + self.tool_inertia));
+        if !self.delay_line.is_none() {
+            self.delay_line.push(self.now_ns, self.parameters.estimate.estimate());
+        }
+    }
+
+    /// Where the TCP is after a step of this length, and what it presses on.
+    pub(super) fn look(&mut self, duration_ns: u64) {
         self.kinematics = self.parameters.chain.kinematics(&self.joints.position);
         let surface = self.parameters.surface.as_ref();
         if let Some(surface) = surface {
             self.creep = surface.crept(&self.creep, &self.kinematics.pose.position, seconds(duration_ns));
         }
         self.contact = contact_of(surface, &self.kinematics, &self.joints.velocity, &self.creep);
-        self.tool_inertia = self.inertia_of_tool(reference);
-        self.reported_velocity += (self.joints.velocity - self.reported_velocity) * step.velocity_share;
         self.peaks.add(&self.contact);
         let touches = self.contact.touches;
         self.contact_losses += u32::from(self.touched && !touches);
         self.touched = touches;
-        let pressing = SVector::from_fn(|axis, _| if axis < 3 { self.contact.force[axis] } else { 0.0 });
-        self.parameters.estimate.advance(&step.estimate, &(pressing + self.tool_inertia));
-        if !self.delay_line.is_none() {
-            self.delay_line.push(self.now_ns, self.parameters.estimate.estimate());
-        }
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 
-use crate::quantities::{component, on_task_axes};
+use crate::quantities::on_task_axes;
 
 /// One revolute joint: where it sits on its parent link and what it turns about.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -144,10 +144,14 @@ impl<const N: usize> Chain<N> {
         }
         position += rotation * self.tool.position;
         rotation *= self.tool.rotation;
-        let jacobian = SMatrix::from_fn(|row, joint| {
-            let linear = axes[joint].cross(&(position - origins[joint]));
-            component(&linear, &axes[joint], row)
-        });
+        let mut jacobian = SMatrix::zeros();
+        for (joint, (axis, origin)) in axes.iter().zip(&origins).enumerate() {
+            let linear = axis.cross(&(position - origin));
+            for row in 0..3 {
+                jacobian[(row, joint)] = linear[row];
+                jacobian[(row + 3, joint)] = axis[row];
+            }
+        }
         Kinematics { pose: Pose { position, rotation }, jacobian }
     }
 }

@@ -16,6 +16,7 @@ use plant_sim::scenario::Scenario;
 use plant_sim::summary::Summary;
 use serde::Serialize;
 
+use crate::report::Changes;
 use crate::{Exit, report};
 
 /// The scenario of every run.
@@ -109,6 +110,7 @@ pub(crate) struct Run {
     pub(crate) controller: Controller,
     pub(crate) row: Row,
     pub(crate) truths: Vec<TruthSample>,
+    pub(crate) changes: Changes,
 }
 
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
@@ -166,19 +168,30 @@ fn quiet_run(
     interrupted: &dyn Fn() -> bool,
 ) -> Result<Option<Run>, (Exit, String)> {
     for attempt in 0..=REPEATS {
-        let truths = watched::run(controller, scenario, SCENARIO, interrupted, progress(controller, scenario))?;
-        let mut summary = Summary::of_scenario(scenario);
-        truths.iter().for_each(|truth| summary.add(truth));
+        let (truths, changes) =
+            watched::run(controller, scenario, SCENARIO, interrupted, progress(controller, scenario))?;
+        let summary = summary_of(scenario, &truths);
         let from = summary.first_contact_s.unwrap_or(0.0) - NEAR_CONTACT_S;
         let near = truths.iter().filter(|truth| truth.missed == 1 && truth.scenario_time_s >= from).count();
         if near == 0 {
-            let row = row(controller, &summary, &truths);
-            return Ok(Some(Run { controller, row, truths }));
+            return Ok(Some(run_of(controller, scenario, truths, changes)));
         }
         let then = if attempt < REPEATS { "running it again" } else { "giving up" };
         eprintln!("{}: {near} command(s) missed near contact, since the machine is busy: {then}", controller.name);
     }
     Ok(None)
+}
+
+fn summary_of(scenario: &Scenario, truths: &[TruthSample]) -> Summary {
+    let mut summary = Summary::of_scenario(scenario);
+    truths.iter().for_each(|truth| summary.add(truth));
+    summary
+}
+
+/// What one controller's truths and changes are together.
+pub(crate) fn run_of(controller: Controller, scenario: &Scenario, truths: Vec<TruthSample>, changes: Changes) -> Run {
+    let row = row(controller, &summary_of(scenario, &truths), &truths);
+    Run { controller, row, truths, changes }
 }
 
 /// Shows how far the scenario is: a bar on a terminal, a line per run elsewhere.

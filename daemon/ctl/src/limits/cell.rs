@@ -12,7 +12,8 @@ use plant_sim::run::VirtualRun;
 use serde::Serialize;
 
 use super::approach::Approach;
-use super::search;
+use super::search::{self, Cases};
+use crate::parallel::Part;
 
 /// By how much in N a force may exceed its limit and still count as kept.
 pub(crate) const FORCE_TOLERANCE_N: f64 = 0.5;
@@ -70,6 +71,17 @@ pub(crate) struct Cell {
     pub(crate) lowered: bool,
 }
 
+impl Cell {
+    /// The highest safe speed in m/s.
+    ///
+    /// # Errors
+    /// That there is none, and why.
+    pub(crate) fn safe_speed(&self) -> Result<f64, String> {
+        let found = self.speed_m_s.filter(|speed| *speed > 0.0);
+        found.ok_or_else(|| format!("no speed is safe: {}", self.limited_by))
+    }
+}
+
 /// The configuration at another cycle time and stiffness.
 ///
 /// # Errors
@@ -114,6 +126,15 @@ pub(crate) fn highest_m_s(config: &Config, approach: &Approach) -> (f64, &'stati
     }
 }
 
+/// How long a simulated approach takes, in parts of one at a very long cycle time. (The plant steps
+/// at intervals of its own, the controller once a cycle.)
+pub(crate) fn weight(sampling_time_s: f64) -> u64 {
+    /// The cycle time in s at which the controller takes as long as the plant.
+    const EQUAL_S: f64 = 0.001;
+    const PARTS: f64 = 100.0;
+    (PARTS * (1.0 + EQUAL_S / sampling_time_s)) as u64
+}
+
 /// The highest safe speed of a cell.
 ///
 /// # Errors
@@ -124,6 +145,7 @@ pub(crate) fn cell(
     sampling_time_s: f64,
     stiffness_n_m: f64,
     instants: u32,
+    progress: &Part<'_>,
 ) -> Result<Cell, String> {
     let none = |why: String| Cell {
         sampling_time_s,
@@ -137,19 +159,14 @@ pub(crate) fn cell(
         Ok(config) => config,
         Err(why) => return Ok(none(why)),
     };
-    // Most instants agree; the one that was unsafe last is tried first at the next speed.
-    let mut first = 0;
     let (highest, bound) = highest_m_s(&config, approach);
-    let found = search::highest_safe(highest, |speed| {
-        for turn in 0..instants {
-            let instant = (first + turn) % instants;
-            if let Err(why) = is_safe(&config, approach, speed, f64::from(instant) / f64::from(instants))? {
-                first = instant;
-                return Ok(Err(why));
-            }
-        }
-        Ok(Ok(()))
-    })?;
+    let try_case = |speed: f64, instant: u64| {
+        let found = is_safe(&config, approach, speed, instant as f64 / f64::from(instants));
+        progress.add(weight(sampling_time_s));
+        found
+    };
+    // The cells themselves run beside each other.
+    let found = search::highest_safe(highest, &Cases { count: instants.into(), threads: 1, try_case })?;
     Ok(Cell {
         sampling_time_s,
         stiffness_n_m,
@@ -212,8 +229,10 @@ pub(crate) fn limited_axes(config: &Config) -> impl Iterator<Item = (usize, f64)
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::planar;
     use admittance_runner::config::{GivenInName, GivenSignName};
+
+    use super::super::tests::planar;
+    use crate::parallel::Progress;
 
     use super::*;
 
@@ -239,7 +258,7 @@ mod tests {
         let mut base = planar();
         base.control.command_delay_s = 0.004;
         let approach = Approach::new(&base, None, None).unwrap();
-        let cell = cell(&base, &approach, 0.00025, 1e5, 2).unwrap();
+        let cell = cell(&base, &approach, 0.00025, 1e5, 2, &Progress::silent().part(0)).unwrap();
         assert!(cell.speed_m_s.is_none() && cell.limited_by.contains("command_delay_s"), "{}", cell.limited_by);
     }
 

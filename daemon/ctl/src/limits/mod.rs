@@ -12,10 +12,11 @@ use std::path::{Path, PathBuf};
 use admittance_runner::config::Config;
 use plant_sim::scenario::Scenario;
 
+use crate::parallel::{Part, Progress};
 use crate::{Exit, offline, parallel, plausible, validate};
 pub(crate) use approach::Approach;
-pub(crate) use cell::{FORCE_TOLERANCE_N, config_for, limited_axes};
-pub(crate) use search::{Found, highest_safe};
+pub(crate) use cell::{FORCE_TOLERANCE_N, config_for, limited_axes, weight};
+pub(crate) use search::{Cases, Found, highest_safe};
 use table::{Limits, Recommended};
 
 /// Factors of the configured stiffness, and cycle times in s, that are looked at unless others are
@@ -27,8 +28,8 @@ const ALL_SAMPLING_TIMES_S: [f64; 5] = [0.004, 0.002, 0.001, 0.0005, 0.00025];
 /// Random worlds in which the recommended speed is safe, and where they come from.
 const WORLDS: u64 = 100;
 const WORLDS_SEED: u64 = 1;
-/// About so many cells take as long as the recommended speed.
-const RECOMMENDED_WEIGHT: f64 = 6.0;
+/// A world takes so much longer than the cell as told: its loops, its noise and its friction.
+const WORLD_WEIGHT: f64 = 1.5;
 /// What the configuration's keys accept.
 const ACCEPTED_STIFFNESS_N_M: (f64, f64) = (100.0, 1e8);
 const ACCEPTED_SAMPLING_TIME_S: (f64, f64) = (0.0001, 0.1);
@@ -60,7 +61,7 @@ pub(crate) struct Args {
     /// Cycle times in s; 4, 2 and 1 ms and the configured one when absent.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     sampling_time_s: Option<Vec<f64>>,
-    /// Also 0.1 and 10 times the stiffness, 0.5 and 0.25 ms: takes minutes.
+    /// Also 0.1 and 10 times the stiffness, 0.5 and 0.25 ms: takes several times as long.
     #[arg(long)]
     all: bool,
     /// Instants of contact within a cycle, evenly spread, that a safe speed has to be safe at.
@@ -160,11 +161,8 @@ pub(crate) fn highest_safe_speed(
 ) -> Result<(Config, f64), String> {
     let stiffness = base.environment.normal_stiffness_n_m;
     let config = cell::config_for(base, sampling_time_s, stiffness)?;
-    let found = cell::cell(base, approach, sampling_time_s, stiffness, instants)?;
-    match found.speed_m_s {
-        Some(speed) if speed > 0.0 => Ok((config, speed)),
-        _ => Err(format!("no speed is safe: {}", found.limited_by)),
-    }
+    let found = cell::cell(base, approach, sampling_time_s, stiffness, instants, &Progress::silent().part(0))?;
+    found.safe_speed().map(|speed| (config, speed))
 }
 
 /// The approach along the surface normal that a configuration describes by itself.
@@ -193,62 +191,59 @@ impl Touch {
     }
 }
 
-/// What the computation consists of.
-enum Piece {
-    Cell(cell::Cell),
-    Recommended(Recommended),
-}
-
-/// The speed for the cell as configured, when what nobody can tell is as it may be.
+/// The speed for the cell as configured, when what nobody can tell is as it may be; `own` is what
+/// was found for the cell as told.
 ///
 /// # Errors
 /// What controller or plant do not accept although the checks did.
-fn recommended(config: &Config, approach: &Approach, instants: u32) -> Result<Recommended, String> {
-    Ok(match plausible::Cell::of(config, approach, config.control.sampling_time_s, instants) {
-        Ok(cell) => {
-            let found = cell.plausible_speed(WORLDS_SEED, WORLDS)?;
-            Recommended {
-                speed_m_s: found.safe_m_s,
-                as_told_m_s: cell.highest_speed_m_s,
-                limited_by: found.beyond.map(|(_, why)| why),
-                worlds: WORLDS,
-            }
-        }
-        Err(why) => Recommended { speed_m_s: 0.0, as_told_m_s: 0.0, limited_by: Some(why), worlds: WORLDS },
-    })
+fn recommended(
+    config: &Config,
+    approach: &Approach,
+    own: &cell::Cell,
+    threads: usize,
+    progress: &Part<'_>,
+) -> Result<Recommended, String> {
+    let none = |why: String| Recommended { speed_m_s: 0.0, as_told_m_s: 0.0, limited_by: Some(why), worlds: WORLDS };
+    let as_told_m_s = match own.safe_speed() {
+        Ok(speed) => speed,
+        Err(why) => return Ok(none(why)),
+    };
+    let config = config_for(config, own.sampling_time_s, own.stiffness_n_m)?;
+    let cell = plausible::Cell::known(config, approach, as_told_m_s);
+    let one = (WORLD_WEIGHT * weight(own.sampling_time_s) as f64) as u64;
+    let found = cell.plausible_speed(WORLDS_SEED, WORLDS, threads, &|| progress.add(one))?;
+    let limited_by = found.beyond.map(|(_, why)| why);
+    Ok(Recommended { speed_m_s: found.safe_m_s, as_told_m_s, limited_by, worlds: WORLDS })
 }
 
 /// All cells.
 fn limits(path: &Path, config: &Config, question: &Question, threads: usize) -> Result<Limits, String> {
     let Question { approach, stiffnesses_n_m, sampling_times_s, instants } = question;
+    let (own_time, own_stiffness) = (config.control.sampling_time_s, config.environment.normal_stiffness_n_m);
     // Fast cycles take longest: they come first, so that no thread is left alone with one.
-    let pairs: Vec<(f64, f64)> = sampling_times_s
+    let mut pairs: Vec<(f64, f64)> = sampling_times_s
         .iter()
         .rev()
         .flat_map(|time| stiffnesses_n_m.iter().map(move |stiffness| (*time, *stiffness)))
         .collect();
-    // One more piece, the longest: the cell as configured, in worlds that nobody told.
-    let pair = |index: u64| index.checked_sub(1).and_then(|index| pairs.get(index as usize));
-    let cycles = |time: f64, pieces: f64| (pieces * SAMPLING_TIMES_S[0] / time).ceil() as u64;
-    let weight = |index: u64| match pair(index) {
-        Some((time, _)) => cycles(*time, 1.0),
-        None => cycles(config.control.sampling_time_s, RECOMMENDED_WEIGHT),
-    };
-    let mut found = parallel::map_weighted(pairs.len() as u64 + 1, threads, "cells", weight, |index| {
-        Ok(match pair(index) {
-            Some((time, stiffness)) => Piece::Cell(cell::cell(config, approach, *time, *stiffness, *instants)?),
-            None => Piece::Recommended(recommended(config, approach, *instants)?),
-        })
+    let is_own = |time: f64, stiffness: f64| cell::is_own(config, time) && stiffness == own_stiffness;
+    let asked = pairs.len();
+    if !pairs.iter().any(|(time, stiffness)| is_own(*time, *stiffness)) {
+        pairs.push((own_time, own_stiffness));
+    }
+    let of_cell = |time: f64| search::expected_tries((*instants).into()) * weight(time);
+    let of_worlds = (WORLD_WEIGHT * (search::expected_tries(WORLDS) * weight(own_time)) as f64) as u64;
+    let total = pairs.iter().map(|(time, _)| of_cell(*time)).sum::<u64>() + of_worlds;
+    let progress = Progress::begin(total, &format!("{} cells and {WORLDS} worlds", pairs.len()));
+    let mut cells = parallel::map_within(&progress, pairs.len() as u64, threads, |index| {
+        let (time, stiffness) = pairs[index as usize];
+        cell::cell(config, approach, time, stiffness, *instants, &progress.part(of_cell(time)))
     })?;
-    let cells = found.split_off(1);
-    let Some(Piece::Recommended(recommended)) = found.pop() else {
-        return Err("the recommended speed was not computed".to_owned());
-    };
-    let cells = cells.into_iter().filter_map(|piece| match piece {
-        Piece::Cell(cell) => Some(cell),
-        Piece::Recommended(_) => None,
-    });
-    Ok(Limits::new(path, config, question, cells.collect(), recommended))
+    let own = cells.iter().find(|cell| is_own(cell.sampling_time_s, cell.stiffness_n_m)).cloned();
+    let own = own.ok_or("the cell as configured was not computed")?;
+    let recommended = recommended(config, approach, &own, threads, &progress.part(of_worlds))?;
+    cells.truncate(asked);
+    Ok(Limits::new(path, config, question, cells, recommended))
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use plant_sim::scenario::Scenario;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::limits::{self, Approach, Found, highest_safe, highest_safe_speed};
+use crate::limits::{self, Approach, Cases, Found, highest_safe, highest_safe_speed};
 
 /// The world with a number among those of a seed, for an arm with so many joints.
 pub fn world(seed: u64, index: u64, joints: usize) -> World {
@@ -52,44 +52,42 @@ impl Cell {
         instants: u32,
     ) -> Result<Self, String> {
         let approach = Approach::new(base, joints, direction).map_err(|(_, why)| why)?;
-        Self::of(base, &approach, sampling_time_s, instants)
+        let (config, highest_speed_m_s) = highest_safe_speed(base, &approach, sampling_time_s, instants)?;
+        Ok(Self { config, approach, highest_speed_m_s })
     }
 
-    /// The same with an approach that is known.
-    pub(crate) fn of(base: &Config, approach: &Approach, sampling_time_s: f64, instants: u32) -> Result<Self, String> {
-        let (config, highest_speed_m_s) = highest_safe_speed(base, approach, sampling_time_s, instants)?;
-        Ok(Self { config, approach: approach.clone(), highest_speed_m_s })
+    /// The same where all of that is known.
+    pub(crate) fn known(config: Config, approach: &Approach, highest_speed_m_s: f64) -> Self {
+        Self { config, approach: approach.clone(), highest_speed_m_s }
     }
 
     /// The highest speed, not above the one with the model as told, at which in none of so many
     /// worlds a force exceeds its limit or the controller stops. (Losses of contact do not count:
-    /// they are no danger, and loops of second order have them at any speed.)
+    /// they are no danger, and loops of second order have them at any speed.) `tried` is told of
+    /// each contact that was simulated.
     ///
     /// # Errors
     /// What controller or plant do not accept.
-    pub(crate) fn plausible_speed(&self, seed: u64, worlds: u64) -> Result<Found<String>, String> {
+    pub(crate) fn plausible_speed(
+        &self,
+        seed: u64,
+        worlds: u64,
+        threads: usize,
+        tried: &(impl Fn() + Sync),
+    ) -> Result<Found<String>, String> {
         let joints = self.config.robot.joint.len();
-        // Most worlds agree; the one that was unsafe last is tried first at the next speed.
-        let mut first = 0;
-        highest_safe(self.highest_speed_m_s, |speed| {
-            for turn in 0..worlds {
-                let index = (first + turn) % worlds;
-                let scenario = self.scenario(&world(seed, index, joints), speed, |_| true);
-                let Ok(contact) = press(&self.config, &scenario) else {
-                    first = index;
-                    return Ok(Err("an approach that is out of reach".to_owned()));
-                };
-                let why = match contact.stop_reason {
-                    _ if contact.is_over => format!("{:.2} times the force limit", contact.peak_ratio),
-                    Some(reason) => format!("stop: {reason}"),
-                    None if !contact.is_complete => "no contact, or a sample that was not used".to_owned(),
-                    None => continue,
-                };
-                first = index;
-                return Ok(Err(why));
-            }
-            Ok(Ok(()))
-        })
+        let try_case = |speed: f64, index: u64| {
+            let contact = press(&self.config, &self.scenario(&world(seed, index, joints), speed, |_| true));
+            tried();
+            let Ok(contact) = contact else { return Ok(Err("an approach that is out of reach".to_owned())) };
+            Ok(match contact.stop_reason {
+                _ if contact.is_over => Err(format!("{:.2} times the force limit", contact.peak_ratio)),
+                Some(reason) => Err(format!("stop: {reason}")),
+                None if !contact.is_complete => Err("no contact, or a sample that was not used".to_owned()),
+                None => Ok(()),
+            })
+        };
+        highest_safe(self.highest_speed_m_s, &Cases { count: worlds, threads, try_case })
     }
 
     /// The configuration, which believes what it was told.

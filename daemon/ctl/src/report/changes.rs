@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use ipc_types::{Mode, RecordKind, RecordSample, StopReason, Verdict};
 
-use super::table_row;
+use super::page::table_row;
 use super::timeline::{Band, spans, svg};
 
 /// Rows of the table that are shown.
@@ -21,12 +21,12 @@ struct Said {
 }
 
 /// Cycles that said something else than the one before.
-#[derive(Debug, Default)]
-pub(super) struct Changes(Vec<Said>);
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Changes(Vec<Said>);
 
 impl Changes {
     /// Takes in a record, of a sample or of a silence.
-    pub(super) fn add(&mut self, record: &RecordSample, time_s: f64) {
+    pub(crate) fn add(&mut self, record: &RecordSample, time_s: f64) {
         let is_cycle = [RecordKind::Sample, RecordKind::Silence].map(RecordKind::code).contains(&record.kind);
         let command = &record.command;
         if !is_cycle || command.state_sequence == 0 {
@@ -48,18 +48,22 @@ impl Changes {
         })
     }
 
-    /// Modes and verdicts over time (s).
-    pub(super) fn timeline(&self, time: &Range<f64>) -> String {
+    /// Modes and verdicts up to `end_s`, the first band with this heading.
+    pub(super) fn bands(&self, heading: Option<String>, end_s: f64) -> [Band; 2] {
         let modes = self.0.iter().map(|said| (said.time_s, mode_text(said), mode_color(said.mode)));
         let verdicts = self.0.iter().map(|said| {
             let (name, color) = verdict_look(said.verdict);
             (said.time_s, name.to_owned(), color)
         });
-        let bands = [
-            Band { title: "mode", spans: spans(modes, time.end) },
-            Band { title: "verdict", spans: spans(verdicts, time.end) },
-        ];
-        svg(&bands, time, "Mode and verdict over time")
+        [
+            Band { heading, title: "mode", spans: spans(modes, end_s) },
+            Band { heading: None, title: "verdict", spans: spans(verdicts, end_s) },
+        ]
+    }
+
+    /// Modes and verdicts over time (s), as a picture of this width in px.
+    pub(super) fn timeline(&self, time: &Range<f64>, width_px: u32) -> String {
+        svg(&self.bands(None, time.end), time, "Mode and verdict over time", width_px)
     }
 
     /// A table of them in HTML.
@@ -80,7 +84,7 @@ impl Changes {
     }
 
     /// When the last one was, in s.
-    pub(super) fn end_s(&self) -> Option<f64> {
+    pub(crate) fn end_s(&self) -> Option<f64> {
         self.0.last().map(|said| said.time_s)
     }
 }
@@ -107,7 +111,7 @@ fn verdict_look(verdict: u32) -> (&'static str, &'static str) {
     match Verdict::from_code(verdict) {
         Some(Verdict::Feasible) => ("feasible", "#2E6F95"),
         Some(Verdict::Infeasible) => ("infeasible", "#8E1B3A"),
-        Some(Verdict::None) | None => ("no verdict", "#A9A598"),
+        Some(Verdict::None) | None => ("no verdict", "#77736A"),
     }
 }
 
@@ -132,7 +136,7 @@ mod tests {
         changes.add(&record(RecordKind::Silence, Mode::Stopped, StopReason::SampleStale.code()), 0.4);
         assert_eq!(changes.first_stop(), "SampleStale at 0.300 s (Stopping)");
         assert_eq!((changes.0.len(), changes.end_s()), (3, Some(0.4)));
-        let svg = changes.timeline(&(0.0..0.5));
+        let svg = changes.timeline(&(0.0..0.5), 860);
         for text in
             ["<title>Contact, 0.100 s to 0.300 s</title>", "Stopped (SampleStale), 0.400 s to 0.500 s", "no verdict"]
         {

@@ -19,8 +19,8 @@ pub(super) const FONT: &str = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans
 const FONT_FACTOR: f64 = 1.24;
 const TEXT_PX: f64 = 13.0;
 const LEGEND_ROW_PX: u32 = 22;
-const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
-const GRID: RGBColor = RGBColor(0xE4, 0xE4, 0xE4);
+pub(super) const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
+pub(super) const GRID: RGBColor = RGBColor(0xE4, 0xE4, 0xE4);
 
 /// How a line looks. No two lines of a chart may share a colour: dashes are told apart by it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,13 +92,33 @@ pub struct Chart {
 pub(super) const LEFT_PX: u32 = 72;
 const BOTTOM_PX: u32 = 48;
 pub(super) const MARGIN_PX: u32 = 12;
-/// Legend entries in one row.
-const LEGEND_COLUMNS: usize = 3;
+/// Room in px that a legend's entry and a label of the x axis need.
+const LEGEND_ENTRY_PX: u32 = 270;
+const X_LABEL_PX: u32 = 78;
+
+/// About how many labels an x axis of a picture of this width has room for.
+pub(super) fn x_labels(width_px: u32) -> u32 {
+    (width_px.saturating_sub(LEFT_PX) / X_LABEL_PX).max(2)
+}
 
 impl Chart {
+    /// The same for a page of another width in px.
+    #[must_use]
+    pub fn of_width(&self, width_px: u32) -> Self {
+        let plots_px = self.size.1 - self.legend_px();
+        let mut chart = Self { size: (width_px, 0), ..self.clone() };
+        chart.size.1 = plots_px + chart.legend_px();
+        chart
+    }
+
+    /// Legend entries in one row.
+    fn columns(&self) -> usize {
+        (self.size.0 / LEGEND_ENTRY_PX).max(1) as usize
+    }
+
     /// Height in px that the legend takes.
-    pub fn legend_px(entries: usize) -> u32 {
-        entries.div_ceil(LEGEND_COLUMNS) as u32 * LEGEND_ROW_PX + 8
+    fn legend_px(&self) -> u32 {
+        self.legend.len().div_ceil(self.columns()) as u32 * LEGEND_ROW_PX + 8
     }
 
     /// Draws the chart.
@@ -114,20 +134,21 @@ impl Chart {
     fn draw(&self, svg: &mut String) -> Result<(), Box<dyn std::error::Error>> {
         let canvas = SVGBackend::with_string(svg, (self.size.0 * FINE, self.size.1 * FINE)).into_drawing_area();
         canvas.fill(&WHITE)?;
-        let (legend, plots) = canvas.split_vertically(Self::legend_px(self.legend.len()) * FINE);
+        let (legend, plots) = canvas.split_vertically(self.legend_px() * FINE);
         self.draw_legend(&legend)?;
         for (area, panel) in plots.split_evenly((self.panels.len(), 1)).iter().zip(&self.panels) {
-            panel.draw(area)?;
+            panel.draw(area, x_labels(self.size.0))?;
         }
         canvas.present()?;
         Ok(())
     }
 
     fn draw_legend(&self, area: &Area<'_>) -> Result<(), Box<dyn std::error::Error>> {
-        let column = (self.size.0 - MARGIN_PX) / LEGEND_COLUMNS as u32;
+        let columns = self.columns();
+        let column = (self.size.0 - MARGIN_PX) / columns as u32;
         for (i, (style, text)) in self.legend.iter().enumerate() {
-            let x = MARGIN_PX + (i % LEGEND_COLUMNS) as u32 * column;
-            let y = (LEGEND_ROW_PX * (i / LEGEND_COLUMNS) as u32 + LEGEND_ROW_PX / 2 + 4) * FINE;
+            let x = MARGIN_PX + (i % columns) as u32 * column;
+            let y = (LEGEND_ROW_PX * (i / columns) as u32 + LEGEND_ROW_PX / 2 + 4) * FINE;
             let at = |px: u32| ((px * FINE) as i32, y as i32);
             area.draw(&PathElement::new(vec![at(x), at(x + 46)], style.shape()))?;
             area.draw(&Text::new(text.clone(), at(x + 54), text_style(INK).pos(Pos::new(HPos::Left, VPos::Center))))?;
@@ -159,19 +180,19 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Plot<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
 
 impl Panel {
-    fn draw(&self, area: &Area<'_>) -> Result<(), Box<dyn std::error::Error>> {
+    fn draw(&self, area: &Area<'_>, x_labels: u32) -> Result<(), Box<dyn std::error::Error>> {
         let mut plot: Plot<'_, '_> = ChartBuilder::on(area)
             .margin(MARGIN_PX * FINE)
             .margin_right(2 * MARGIN_PX * FINE)
             .x_label_area_size((BOTTOM_PX - MARGIN_PX) * FINE)
             .y_label_area_size((LEFT_PX - MARGIN_PX) * FINE)
             .build_cartesian_2d(Axis::new(&self.x, self.logarithmic), Axis::new(&self.y, self.logarithmic))?;
-        let (x_step, y_step) = (tick_step(&self.x, 10), tick_step(&self.y, 6));
+        let (x_step, y_step) = (tick_step(&self.x, x_labels), tick_step(&self.y, 6));
         for (color, polygon) in &self.areas {
             plot.draw_series(std::iter::once(Polygon::new(polygon.clone(), color.filled())))?;
         }
         plot.configure_mesh()
-            .x_labels(10)
+            .x_labels(x_labels as usize)
             .y_labels(6)
             .x_desc(&self.x_label)
             .y_desc(&self.y_label)

@@ -11,18 +11,27 @@ use plotters::style::RGBColor;
 use super::chart::{Chart, Line, LineStyle, Note, Panel};
 use crate::demo::{LIMIT_N, Run};
 
-/// One look per curve, distinguishable without colour: the paper's dashed, dash-dotted and solid,
-/// and a dotted one. The demo's fifth controller is in the table only: the default profile with a
-/// detected contact point lies on the default profile.
-const STYLES: [LineStyle; 4] = [
+/// One look per curve, distinguishable without colour: the paper's dashed, dash-dotted and solid, and
+/// the default profile as a broad line, on which the one that finds the contact point lies as dots.
+const STYLES: [LineStyle; 5] = [
     LineStyle { color: RGBColor(0xC4, 0x4E, 0x12), width: 1.4, dash: &[7.0, 4.0] },
     LineStyle { color: RGBColor(0x5B, 0x3F, 0xA0), width: 1.4, dash: &[9.0, 3.0, 2.0, 3.0] },
     LineStyle { color: RGBColor(0x0B, 0x5C, 0xAD), width: 2.2, dash: &[] },
-    LineStyle { color: RGBColor(0x1B, 0x7F, 0x4B), width: 2.0, dash: &[2.0, 3.0] },
+    LineStyle { color: RGBColor(0x3F, 0xA8, 0x72), width: 4.0, dash: &[] },
+    LineStyle { color: RGBColor(0x10, 0x3B, 0x26), width: 1.8, dash: &[2.0, 4.0] },
+];
+/// These colours and that of the limit, and what they are in the dark.
+pub(super) const COLORS: [(RGBColor, &str); 6] = [
+    (STYLES[0].color, "#F08A4B"),
+    (STYLES[1].color, "#B39DF0"),
+    (STYLES[2].color, "#62AEF5"),
+    (STYLES[3].color, "#2C7A52"),
+    (STYLES[4].color, "#C9F5DD"),
+    (LIMIT.color, "#FF6B81"),
 ];
 const LIMIT: LineStyle = LineStyle { color: RGBColor(0xB0, 0x00, 0x20), width: 1.2, dash: &[14.0, 5.0] };
-const MATERIAL: RGBColor = RGBColor(0xEE, 0xEA, 0xE2);
-const MATERIAL_INK: RGBColor = RGBColor(0x6B, 0x64, 0x58);
+pub(super) const MATERIAL: RGBColor = RGBColor(0xEE, 0xEA, 0xE2);
+pub(super) const MATERIAL_INK: RGBColor = RGBColor(0x6B, 0x64, 0x58);
 
 /// One line of every figure.
 pub(super) struct Curve {
@@ -45,41 +54,93 @@ pub(super) struct Window {
     pub(super) offset: Range<f64>,
 }
 
+/// Before and after the first contact of any controller, s: the paper's "initial contact phase".
+const BEFORE_CONTACT_S: f64 = 0.01;
+const AFTER_CONTACT_S: f64 = 0.14;
+/// Paths are drawn for so long: low damping has then come back.
+const PATH_S: f64 = 0.18;
+/// Force in N that figure 4 shows at most: what the law is about is then large enough to read.
+const INITIAL_FORCE_N: f64 = 1.3 * LIMIT_N;
+
 /// Number in the paper, caption, chart.
-pub(super) fn of_demo(runs: &[Run], scenario: &Scenario) -> [(u32, &'static str, Chart); 3] {
+pub(super) fn of_demo(runs: &[Run], scenario: &Scenario) -> [(u32, String, Chart); 3] {
+    let truths = || runs.iter().flat_map(|run| &run.truths);
+    let first_contact = truths().filter(|truth| truth.in_contact == 1).map(|truth| truth.scenario_time_s);
+    let first_contact = first_contact.fold(f64::INFINITY, f64::min).min(range(truths().map(|t| t.scenario_time_s)).end);
+    let initial = first_contact - BEFORE_CONTACT_S..first_contact + AFTER_CONTACT_S;
+    let path = initial.start..first_contact + PATH_S;
+    let is_on_path = |truth: &&TruthSample| path.contains(&truth.scenario_time_s);
     let curves: Vec<Curve> = runs
         .iter()
         .map(|run| {
             let over_time = |value: fn(&TruthSample) -> f64| {
                 run.truths.iter().map(|truth| (truth.scenario_time_s, value(truth))).collect()
             };
+            let at = |truth: &TruthSample| (truth.tcp_position[0], truth.tcp_position[1]);
             Curve {
                 title: run.controller.title.replace("D_low", "low").replace("D_high", "high"),
                 force: over_time(|truth| truth.wrench[1]),
                 offset: over_time(|truth| truth.velocity_offset[1]),
-                path: run.truths.iter().map(|truth| (truth.tcp_position[0], truth.tcp_position[1])).collect(),
+                path: run.truths.iter().filter(is_on_path).map(at).collect(),
             }
         })
         .collect();
-    let whole = Window { time: 0.75..2.0, force: -680.0..40.0, offset: -0.1..1.7 };
-    let initial = Window { time: 0.81..0.96, force: -260.0..20.0, offset: -0.1..1.2 };
-    let mut path = paths(&curves, ["x", "y"], 1.31..1.40, 0.645..0.69);
+    let window = |time: Range<f64>| {
+        let within = || truths().filter(|truth| time.contains(&truth.scenario_time_s));
+        Window {
+            force: roomy(&range(within().map(|truth| truth.wrench[1]).chain([0.0, -LIMIT_N]))),
+            offset: roomy(&range(within().map(|truth| truth.velocity_offset[1]))),
+            time: time.clone(),
+        }
+    };
+    let whole = window(first_contact - 0.06..range(truths().map(|truth| truth.scenario_time_s)).end);
+    let mut close = window(initial.clone());
+    close.force.start = close.force.start.max(-INITIAL_FORCE_N);
+    // The surface is drawn where it is touched.
+    let touched = scenario.surface.as_ref().map_or([0.0; 3], |surface| surface.point_m);
+    let paths_at = |axis: usize| {
+        let shown = truths().filter(is_on_path).map(|truth| truth.tcp_position[axis]);
+        roomy(&range(shown.chain(scenario.surface.as_ref().map(|_| touched[axis]))))
+    };
+    let mut trajectories = paths(&curves, ["x", "y"], paths_at(0), paths_at(1));
     if let Some(surface) = &scenario.surface {
-        draw_surface(&mut path.panels[0], surface.point_m, surface.normal);
+        draw_surface(&mut trajectories.panels[0], surface.point_m, surface.normal);
     }
+    let beyond = runs.iter().filter(|run| run.row.peak_force_y_n > INITIAL_FORCE_N);
+    let beyond: Vec<String> =
+        beyond.map(|run| format!("{} goes on to {:.0} N", run.controller.title, run.row.peak_force_y_n)).collect();
+    let beyond = if beyond.is_empty() { String::new() } else { format!("; {}", beyond.join(", ")) };
     [
         (
             3,
-            "contact force and velocity offset in y direction",
+            "contact force and velocity offset in y direction".to_owned(),
             over_time(&curves, "y", -LIMIT_N, whole, "Contact force and velocity offset in y over time"),
         ),
         (
             4,
-            "the same, initial contact phase",
-            over_time(&curves, "y", -LIMIT_N, initial, "Contact force and velocity offset in y at first contact"),
+            format!("the same, initial contact phase{beyond}"),
+            over_time(&curves, "y", -LIMIT_N, close, "Contact force and velocity offset in y at first contact"),
         ),
-        (5, "TCP trajectories in the initial contact phase", path),
+        (5, "TCP trajectories from the first contact on; all come from straight above".to_owned(), trajectories),
     ]
+}
+
+/// Part of a range that is left free around its curves.
+const ROOM: f64 = 0.08;
+
+/// From the least to the largest finite value.
+pub(super) fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let finite = values.filter(|value| value.is_finite());
+    let (low, high) =
+        finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    if low <= high { low..high } else { 0.0..0.0 }
+}
+
+/// The range with room around, and never without width.
+pub(super) fn roomy(range: &Range<f64>) -> Range<f64> {
+    let width = range.end - range.start;
+    let room = if width > 0.0 { ROOM * width } else { 0.1 };
+    range.start - room..range.end + room
 }
 
 /// Force above velocity offset on one task axis, with the force limit.
@@ -146,18 +207,15 @@ fn draw_surface(panel: &mut Panel, point: [f64; 3], normal: [f64; 3]) {
     let (x, y) = (panel.x.clone(), panel.y.clone());
     let slope = -normal[0] / normal[1];
     let height = |at: f64| (point[1] + slope * (at - point[0])).clamp(y.start, y.end);
-    // The material's outline has a corner where the surface leaves the picture.
-    let leaves = point[0] + (y.start - point[1]) / slope;
-    let corner = leaves.clamp(x.start, x.end);
-    panel.areas.push((
-        MATERIAL,
-        vec![
-            (x.start, y.start),
-            (x.start, height(x.start)),
-            (corner, height(corner)),
-            (x.end, height(x.end)),
-            (x.end, y.start),
-        ],
-    ));
-    panel.notes.push(Note { text: "surface".to_owned(), at: (x.start + 0.004, y.start + 0.004), color: MATERIAL_INK });
+    // The material's outline has a corner where the surface leaves the picture, above or below.
+    let at_height = |height: f64| (point[0] + (height - point[1]) / slope).clamp(x.start, x.end);
+    let mut corners = [at_height(y.start), at_height(y.end)];
+    corners.sort_by(f64::total_cmp);
+    let outline = [x.start, corners[0], corners[1], x.end].map(|at| (at, height(at)));
+    panel.areas.push((MATERIAL, [&[(x.start, y.start)][..], &outline, &[(x.end, y.start)]].concat()));
+    panel.notes.push(Note {
+        text: "surface".to_owned(),
+        at: (x.start + 0.04 * (x.end - x.start), y.start + 0.06 * (y.end - y.start)),
+        color: MATERIAL_INK,
+    });
 }

@@ -7,6 +7,9 @@ pub mod chart;
 mod clip;
 mod figures;
 mod of_recording;
+mod page;
+#[cfg(test)]
+mod tests;
 mod timeline;
 
 use std::fs;
@@ -15,20 +18,33 @@ use std::path::Path;
 
 use plant_sim::scenario::Scenario;
 
-use crate::demo::{HEADER, Run, cells};
-use chart::{Chart, escape};
+use crate::demo::{HEADER, LIMIT_N, Run, cells};
+pub(crate) use changes::Changes;
+use chart::escape;
 pub(crate) use of_recording::{Args, run};
+use page::{TAIL, figure, figure_of, head};
 
-/// Writes index.html, figure-3.svg, figure-4.svg, figure-5.svg and series.csv into `directory`.
+/// Writes index.html, timeline.svg, figure-3.svg, figure-4.svg, figure-5.svg and series.csv into
+/// `directory`.
 pub(crate) fn write(directory: &Path, runs: &[Run], scenario: &Scenario) -> io::Result<()> {
     fs::create_dir_all(directory)?;
     let mut html = head("admittanced: demo");
-    html += "<h1>MPC-based admittance control: the experiment of section IV</h1>\n<p>A planar arm moves its TCP straight down at \
-             0.25 m/s and hits a plane that falls by 25°, stiffness 10<sup>5</sup> N/m. One real daemon process and one real \
-             plant process per controller, over shared memory, in real time, 250 Hz. All forces are the plant's true forces.</p>\n";
-    html += &table(runs);
+    html += &format!(
+        "<h1>MPC-based admittance control: the experiment of section IV</h1>\n<p class=\"lead\">{}</p>\n",
+        escape(&sentence(runs))
+    );
+    html += "<p>A planar arm moves its TCP straight down at 0.25 m/s and hits a plane that falls by 25°, stiffness \
+             10<sup>5</sup> N/m. One real daemon process and one real plant process per controller, over shared memory, in \
+             real time, 250 Hz. All forces are the plant's true forces.</p>\n";
+    html += &page::table(&HEADER, runs.iter().map(|run| cells(run).to_vec()));
+    let end_s = scenario.motion.iter().map(|phase| phase.duration_s).sum();
+    html += &figure_of(directory, "timeline", "Modes and verdicts of each controller's daemon", |width_px| {
+        let bands = runs.iter().flat_map(|run| run.changes.bands(Some(run.controller.title.to_owned()), end_s));
+        let bands: Vec<_> = bands.collect();
+        Ok(timeline::svg(&bands, &(0.0..end_s), "Modes and verdicts over time", width_px))
+    })?;
     for (number, caption, chart) in figures::of_demo(runs, scenario) {
-        html += &write_figure(directory, number, caption, &chart)?;
+        html += &figure(directory, &format!("figure-{number}"), &format!("Figure {number}: {caption}"), &chart)?;
     }
     html += "<p>Raw series: <a href=\"series.csv\">series.csv</a></p>\n<h2>Configuration</h2>\n";
     for run in runs {
@@ -40,36 +56,35 @@ pub(crate) fn write(directory: &Path, runs: &[Run], scenario: &Scenario) -> io::
     fs::write(directory.join("series.csv"), series(runs)?)
 }
 
-/// Writes a figure of its own, and returns it for the page.
-fn write_figure(directory: &Path, number: u32, caption: &str, chart: &Chart) -> io::Result<String> {
-    write_svg(directory, number, caption, &chart.svg().map_err(io::Error::other)?)
-}
-
-fn write_svg(directory: &Path, number: u32, caption: &str, svg: &str) -> io::Result<String> {
-    fs::write(directory.join(format!("figure-{number}.svg")), svg)?;
-    Ok(format!("<figure>\n{svg}<figcaption>Figure {number}: {}</figcaption>\n</figure>\n", escape(caption)))
-}
-
-fn head(title: &str) -> String {
+/// What the page shows, as it came out.
+fn sentence(runs: &[Run]) -> String {
+    let of = |name: &str| runs.iter().find(|run| run.controller.name == name).map(|run| &run.row);
+    let losses = |count: u32| match count {
+        0 => "never loses contact".to_owned(),
+        1 => "loses contact once".to_owned(),
+        count => format!("loses contact {count} times"),
+    };
+    let mut parts = Vec::new();
+    if let Some(low) = of("damping-low") {
+        parts.push(format!("with low damping the arm {}", losses(low.contact_losses)));
+    }
+    if let Some(high) = of("damping-high") {
+        parts.push(format!("with high damping it presses with up to {:.0} N", high.peak_force_y_n));
+    }
+    let mpc = || runs.iter().map(|run| &run.row).filter(|row| row.name.starts_with("mpc"));
+    if mpc().count() > 0 {
+        let (peak, lost) =
+            mpc().fold((0.0_f64, 0), |(peak, lost), row| (peak.max(row.peak_force_y_n), lost + row.contact_losses));
+        parts.push(format!(
+            "with each of the {} MPCs it stays at {peak:.0} N or below and {}",
+            mpc().count(),
+            losses(lost)
+        ));
+    }
     format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{}</title>\n{STYLE}</head>\n<body>\n",
-        escape(title)
+        "Five ways to control the same arm at the same impact, where {LIMIT_N:.0} N are allowed: {}.",
+        parts.join("; ")
     )
-}
-
-const STYLE: &str = "<style>body{font-family:Helvetica,Arial,sans-serif;max-width:56rem;margin:2rem auto;padding:0 1rem;color:#222}\
-    table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:.3rem .6rem;text-align:right}\
-    td:first-child,th:first-child{text-align:left}figure{margin:2rem 0}svg{max-width:100%;height:auto}</style>\n";
-const TAIL: &str = "</body>\n</html>\n";
-
-fn table(runs: &[Run]) -> String {
-    let body: String = runs.iter().map(|run| table_row(&cells(run), "td")).collect();
-    format!("<table>\n{}{body}</table>\n", table_row(&HEADER.map(str::to_owned), "th"))
-}
-
-fn table_row(cells: &[String], tag: &str) -> String {
-    let cells: String = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
-    format!("<tr>{cells}</tr>\n")
 }
 
 /// Every truth sample of every run.

@@ -13,16 +13,14 @@ use ipc_types::{RecordKind, RecordSample, StateSample, TruthSample};
 
 use super::changes::Changes;
 use super::chart::{Chart, escape};
-use super::figures::{Curve, Window, over_time, paths};
-use super::{TAIL, head, table_row, write_figure, write_svg};
+use super::figures::{Curve, Window, over_time, paths, range, roomy};
+use super::page::{TAIL, figure, figure_of, head, table_row};
 use crate::Exit;
 use crate::recording::{Item, Recording, Source};
 
 /// What is shown before and after the first contact, in s.
 const BEFORE_CONTACT_S: f64 = 0.01;
 const AFTER_CONTACT_S: f64 = 0.14;
-/// Part of a range that is left free around its curves.
-const ROOM: f64 = 0.08;
 
 #[derive(Debug, clap::Args)]
 #[command(
@@ -162,10 +160,12 @@ fn write(directory: &Path, file: &str, text: &str, config: &Config, series: &Ser
     html += &format!("<h1>{}</h1>\n<p>Recording {}</p>\n", escape(&config.robot.name), escape(file));
     html += &table(config, series);
     let whole = series.whole();
-    html += &write_svg(directory, 1, "mode and verdict", &series.changes.timeline(&roomy_end(&whole)))?;
+    html += &figure_of(directory, "figure-1", "Figure 1: mode and verdict", |width_px| {
+        Ok(series.changes.timeline(&roomy_end(&whole), width_px))
+    })?;
     html += &series.changes.table();
     for ((caption, chart), number) in figures(config, series, whole).into_iter().zip(2..) {
-        html += &write_figure(directory, number, caption, &chart)?;
+        html += &figure(directory, &format!("figure-{number}"), &format!("Figure {number}: {caption}"), &chart)?;
     }
     html += &format!("<h2>Configuration</h2>\n<pre>{}</pre>\n{TAIL}", escape(text));
     fs::write(directory.join("index.html"), html)
@@ -258,14 +258,6 @@ fn table(config: &Config, series: &Series) -> String {
     format!("<table>\n{rows}</table>\n")
 }
 
-/// From the least to the largest finite value.
-fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
-    let finite = values.filter(|value| value.is_finite());
-    let (low, high) =
-        finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
-    if low <= high { low..high } else { 0.0..0.0 }
-}
-
 fn width(range: &Range<f64>) -> f64 {
     range.end - range.start
 }
@@ -273,12 +265,6 @@ fn width(range: &Range<f64>) -> f64 {
 /// The range, never without width.
 fn roomy_end(range: &Range<f64>) -> Range<f64> {
     if width(range) > 0.0 { range.clone() } else { range.start..range.start + 0.1 }
-}
-
-/// The range with room around, and never without width.
-fn roomy(range: &Range<f64>) -> Range<f64> {
-    let room = if width(range) > 0.0 { ROOM * width(range) } else { 0.1 };
-    range.start - room..range.end + room
 }
 
 #[cfg(test)]

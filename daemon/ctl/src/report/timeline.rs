@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::ops::Range;
 
-use super::chart::{FONT, LEFT_PX, MARGIN_PX, escape, tick, tick_step};
+use super::chart::{FONT, LEFT_PX, MARGIN_PX, escape, tick, tick_step, x_labels};
 
 /// A stretch of time in which something was so.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,12 +18,14 @@ pub(super) struct Span {
 
 /// One band.
 pub(super) struct Band {
+    /// What is written above it, where a group of bands begins.
+    pub(super) heading: Option<String>,
     /// What it tells of.
     pub(super) title: &'static str,
     pub(super) spans: Vec<Span>,
 }
 
-const WIDTH_PX: u32 = 860;
+const HEADING_PX: u32 = 22;
 const BAND_PX: u32 = 26;
 const GAP_PX: u32 = 8;
 const AXIS_PX: u32 = 44;
@@ -34,18 +36,19 @@ const NAMES_APART_PX: u32 = 16;
 /// About the width of a letter: a name that doesn't fit is in the legend alone.
 const LETTER_PX: f64 = 7.5;
 
-/// The bands as SVG.
-pub(super) fn svg(bands: &[Band], time: &Range<f64>, description: &str) -> String {
-    let legend = legend(bands);
-    let (left, right) = (LEFT_PX, WIDTH_PX - 2 * MARGIN_PX);
-    let x = |at: f64| f64::from(left) + (at - time.start) / (time.end - time.start) * f64::from(right - left);
+/// The bands as SVG of this width in px.
+pub(super) fn svg(bands: &[Band], range: &Range<f64>, description: &str, width_px: u32) -> String {
+    let legend = legend(bands, width_px);
+    let (left, right) = (LEFT_PX, width_px - 2 * MARGIN_PX);
+    let x = |at: f64| f64::from(left) + (at - range.start) / (range.end - range.start) * f64::from(right - left);
     let top = 8 + LEGEND_ROW_PX * (1 + legend.iter().map(|entry| entry.row).max().unwrap_or(0));
-    let bottom = top + bands.len() as u32 * (BAND_PX + GAP_PX);
+    let headings = bands.iter().filter(|band| band.heading.is_some()).count() as u32;
+    let bottom = top + bands.len() as u32 * (BAND_PX + GAP_PX) + headings * HEADING_PX;
     let height = bottom + AXIS_PX;
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"{WIDTH_PX}\" height=\"{height}\" \
-         viewBox=\"0 0 {WIDTH_PX} {height}\" font-family=\"{FONT}\" font-size=\"13\" fill=\"#222222\">\n<title>{}</title>\n\
-         <rect width=\"{WIDTH_PX}\" height=\"{height}\" fill=\"#FFFFFF\"/>\n",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"{width_px}\" height=\"{height}\" \
+         viewBox=\"0 0 {width_px} {height}\" font-family=\"{FONT}\" font-size=\"13\" fill=\"#222222\">\n<title>{}</title>\n\
+         <rect width=\"{width_px}\" height=\"{height}\" fill=\"#FFFFFF\"/>\n",
         escape(description)
     );
     for Entry { name, color, x, row } in legend {
@@ -53,7 +56,12 @@ pub(super) fn svg(bands: &[Band], time: &Range<f64>, description: &str) -> Strin
         let _ = writeln!(svg, "<rect x=\"{x}\" y=\"{y}\" width=\"12\" height=\"12\" fill=\"{color}\"/>");
         let _ = writeln!(svg, "<text x=\"{}\" y=\"{}\">{text}</text>", x + NAME_AT_PX, y + 11);
     }
-    for (band, y) in bands.iter().zip((top..).step_by((BAND_PX + GAP_PX) as usize)) {
+    let mut y = top;
+    for band in bands {
+        if let Some(heading) = &band.heading {
+            let _ = writeln!(svg, "<text x=\"{MARGIN_PX}\" y=\"{}\">{}</text>", y + 15, escape(heading));
+            y += HEADING_PX;
+        }
         let _ = writeln!(
             svg,
             "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>",
@@ -62,7 +70,11 @@ pub(super) fn svg(bands: &[Band], time: &Range<f64>, description: &str) -> Strin
             escape(band.title)
         );
         for Span { time, name, color } in &band.spans {
-            let (from, width, text) = (x(time.start), x(time.end) - x(time.start), escape(name));
+            let shown = time.start.max(range.start)..time.end.min(range.end);
+            if shown.end < shown.start {
+                continue;
+            }
+            let (from, width, text) = (x(shown.start), x(shown.end) - x(shown.start), escape(name));
             let _ = writeln!(
                 svg,
                 "<rect x=\"{from:.1}\" y=\"{y}\" width=\"{:.1}\" height=\"{BAND_PX}\" fill=\"{color}\"><title>{text}, {:.3} s to \
@@ -75,10 +87,11 @@ pub(super) fn svg(bands: &[Band], time: &Range<f64>, description: &str) -> Strin
                 let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{}\" fill=\"#FFFFFF\">{text}</text>", from + 5.0, y + 18);
             }
         }
+        y += BAND_PX + GAP_PX;
     }
-    let step = tick_step(time, 10);
-    let first = (time.start / step).ceil() as i64;
-    for at in (first..).map(|index| index as f64 * step).take_while(|at| *at <= time.end + 1e-9 * step) {
+    let step = tick_step(range, x_labels(width_px));
+    let first = (range.start / step).ceil() as i64;
+    for at in (first..).map(|index| index as f64 * step).take_while(|at| *at <= range.end + 1e-9 * step) {
         let _ = writeln!(
             svg,
             "<path d=\"M{0:.1} {bottom}v5\" stroke=\"#222222\"/><text x=\"{0:.1}\" y=\"{1}\" text-anchor=\"middle\">{2}</text>",
@@ -102,7 +115,7 @@ struct Entry<'a> {
 }
 
 /// Each name once, in as many rows as they need.
-fn legend(bands: &[Band]) -> Vec<Entry<'_>> {
+fn legend(bands: &[Band], width_px: u32) -> Vec<Entry<'_>> {
     let mut legend: Vec<Entry<'_>> = Vec::new();
     let (mut x, mut row) = (LEFT_PX, 0);
     for Span { name, color, .. } in bands.iter().flat_map(|band| &band.spans) {
@@ -110,7 +123,7 @@ fn legend(bands: &[Band]) -> Vec<Entry<'_>> {
             continue;
         }
         let width = NAME_AT_PX + (name.chars().count() as f64 * LETTER_PX) as u32;
-        if x + width > WIDTH_PX - 2 * MARGIN_PX && x > LEFT_PX {
+        if x + width > width_px - 2 * MARGIN_PX && x > LEFT_PX {
             (x, row) = (LEFT_PX, row + 1);
         }
         legend.push(Entry { name, color, x, row });
@@ -145,7 +158,7 @@ mod tests {
     fn band() -> Band {
         let state = |at, name: &str| (at, name.to_owned(), "#112233");
         let states = [state(0.0, "Free"), state(0.5, "Free"), state(0.8, "Contact"), state(1.0, "Contact")];
-        Band { title: "mode", spans: spans(states, 2.0) }
+        Band { heading: None, title: "mode", spans: spans(states, 2.0) }
     }
 
     #[test]
@@ -160,15 +173,29 @@ mod tests {
     #[test]
     fn names_that_do_not_fit_beside_each_other_are_in_rows() {
         let states = (0..12).map(|index| (f64::from(index), format!("Stopped (Reason{index})"), "#112233"));
-        let band = Band { title: "mode", spans: spans(states, 12.0) };
-        let entries = legend(std::slice::from_ref(&band));
+        let band = Band { heading: None, title: "mode", spans: spans(states, 12.0) };
+        let entries = legend(std::slice::from_ref(&band), 860);
         assert_eq!(entries.iter().map(|entry| entry.row).collect::<Vec<_>>(), [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2]);
         assert!(entries.iter().all(|entry| entry.x < 700));
     }
 
     #[test]
+    fn groups_have_headings_and_nothing_is_beyond_a_narrow_picture() {
+        let bands = ["first", "second"].map(|heading| Band { heading: Some(heading.to_owned()), ..band() });
+        let svg = svg(&bands, &(0.0..2.0), "modes", 360);
+        assert!(svg.contains(">first</text>") && svg.contains(">second</text>"), "{svg}");
+        let ends = svg.split("<rect x=\"").skip(1).filter_map(|rect| {
+            let (x, rest) = rect.split_once('"')?;
+            let width = rest.split_once(" width=\"")?.1.split_once('"')?.0;
+            Some(x.parse::<f64>().ok()? + width.parse::<f64>().ok()?)
+        });
+        let ends: Vec<f64> = ends.collect();
+        assert!(ends.len() >= 4 && ends.iter().all(|end| *end <= 336.0 + 1e-9), "{ends:?}");
+    }
+
+    #[test]
     fn stretches_are_where_the_axis_says() {
-        let svg = svg(&[band()], &(0.0..2.0), "modes");
+        let svg = svg(&[band()], &(0.0..2.0), "modes", 860);
         // From 72 px to 836 px are 2 s.
         assert!(svg.contains("<rect x=\"72.0\" y=\"28\" width=\"305.6\""), "{svg}");
         assert!(svg.contains("<rect x=\"377.6\" y=\"28\" width=\"458.4\""), "{svg}");
