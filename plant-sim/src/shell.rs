@@ -83,7 +83,8 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
     let unavailable = |why: String| (ExitCode::Unavailable, why);
     settings.check(Needed::PLANT).map_err(|error| (ExitCode::of_refusal(error.is_permission()), error.to_string()))?;
     let opening = TimeLimit::of_opening("plant-sim", &settings.prefix);
-    let ports = Ports::open(&settings, "plant-sim").map_err(unavailable)?;
+    let ports = Ports::open(&settings, "plant-sim")
+        .map_err(|error| (ExitCode::of_refusal(error.is_permission()), error.to_string()))?;
     let truths = services::truth(ports.node(), &settings.instance, Access::OpenOrCreate)
         .map_err(|error| unavailable(error.to_string()))?
         .publisher()

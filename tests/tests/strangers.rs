@@ -106,7 +106,7 @@ fn a_stranger_s_counter_of_nodes_ends_every_program_at_once_with_its_name() {
         let says = format!("{} belongs to nobody, and this program runs as root", counter(&ipc).display());
         for command in [&mut daemon_command(&ipc, &config), &mut plant_command(&ipc, &scenario)] {
             let (code, text) = ended(command);
-            assert!(code == Some(69) && text.contains(&says), "{made}: {code:?} {text}");
+            assert!(code == Some(77) && text.contains(&says), "{made}: {code:?} {text}");
         }
         let (code, text) = ended(&mut ctl_command(&ipc, "status", &config));
         assert!(code == Some(77) && text.contains(&says), "{made}: {code:?} {text}");

@@ -26,5 +26,5 @@ mod ports;
 mod rejection;
 
 pub use playback::{Applied, Playback, Reception};
-pub use ports::{Ports, Slot};
+pub use ports::{OpenError, Ports, Slot};
 pub use rejection::Rejection;

@@ -1,7 +1,9 @@
 //! The motion controller's ends of the services that it shares with the daemon.
 
 use ipc_types::services::{self, Access};
-use ipc_types::{CommandSample, IpcSettings, Node, Notifier, Publisher, StateSample, Subscriber};
+use ipc_types::{
+    CommandSample, IpcSettings, Node, NodeError, Notifier, PortError, Publisher, ServiceError, StateSample, Subscriber,
+};
 
 /// Space for one state sample in shared memory.
 pub type Slot = ipc_types::Slot<StateSample>;
@@ -15,25 +17,44 @@ pub struct Ports {
     node: Node,
 }
 
+/// Why the ports could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// There is no node.
+    #[error(transparent)]
+    Node(#[from] NodeError),
+    /// A service could not be opened.
+    #[error(transparent)]
+    Service(#[from] ServiceError),
+    /// A port could not be made.
+    #[error(transparent)]
+    Port(#[from] PortError),
+}
+
+impl OpenError {
+    /// Whether another user could open them.
+    pub fn is_permission(&self) -> bool {
+        match self {
+            Self::Node(node) => node.is_permission(),
+            Self::Service(service) => matches!(service, ServiceError::Permission { .. }),
+            Self::Port(_) => false,
+        }
+    }
+}
+
 impl Ports {
     /// Opens them; the first process to come creates the services. `name` is the node's name for
     /// tools.
     ///
     /// # Errors
-    /// A sentence that says what could not be opened, and why.
-    pub fn open(settings: &IpcSettings, name: &str) -> Result<Self, String> {
-        let text = |error: &dyn std::fmt::Display| error.to_string();
-        let node = settings.node(name).map_err(|e| text(&e))?;
+    /// [`OpenError`] says what could not be opened, and why.
+    pub fn open(settings: &IpcSettings, name: &str) -> Result<Self, OpenError> {
+        let node = settings.node(name)?;
         let (instance, create) = (&settings.instance, Access::OpenOrCreate);
-        let state = services::state(&node, instance, create).map_err(|e| text(&e))?;
-        let arrival = services::state_arrival(&node, instance, create).map_err(|e| text(&e))?;
-        let command = services::command(&node, instance, create).map_err(|e| text(&e))?;
-        Ok(Self {
-            states: state.publisher().map_err(|e| text(&e))?,
-            arrived: arrival.notifier().map_err(|e| text(&e))?,
-            commands: command.subscriber().map_err(|e| text(&e))?,
-            node,
-        })
+        let state = services::state(&node, instance, create)?;
+        let arrival = services::state_arrival(&node, instance, create)?;
+        let command = services::command(&node, instance, create)?;
+        Ok(Self { states: state.publisher()?, arrived: arrival.notifier()?, commands: command.subscriber()?, node })
     }
 
     /// Space for the next state sample; `None` if there is none. It allocates, so do not call it

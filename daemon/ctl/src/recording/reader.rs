@@ -150,6 +150,17 @@ impl Recording {
     }
 }
 
+/// A state sample with the present names of its fields: what is `plays_plan` now was `reserved`,
+/// and zero.
+fn with_present_names(mut state: Value) -> Value {
+    if let Some(object) = state.as_object_mut()
+        && let Some(reserved) = object.remove("reserved")
+    {
+        object.entry("plays_plan").or_insert(reserved);
+    }
+    state
+}
+
 /// The version of records whose messages on /cycle look like this.
 fn version_of(cycle: &Value) -> u32 {
     let has = |field: &str| cycle.get(field).is_some();
@@ -250,7 +261,10 @@ impl Items<'_> {
     fn take(&mut self, Found { topic, sequence, value }: Found) -> Result<Option<Item>, String> {
         let foreign = || format!("on {topic}: a field is missing, or of another type");
         match topic.as_str() {
-            STATE => self.state = Some((sequence, StateSample::from_json(&value).ok_or_else(foreign)?)),
+            STATE => {
+                let value = with_present_names(value);
+                self.state = Some((sequence, StateSample::from_json(&value).ok_or_else(foreign)?));
+            }
             COMMAND => self.command = Some((sequence, CommandSample::from_json(&value).ok_or_else(foreign)?)),
             TRUTH => return Ok(Some(Item::Truth(Box::new(TruthSample::from_json(&value).ok_or_else(foreign)?)))),
             _ => {
