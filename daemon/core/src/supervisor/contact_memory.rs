@@ -136,10 +136,11 @@ impl<const D: usize> ContactMemory<D> {
         if self.returned.is_finite() { self.returned.min(self.approach) } else { self.approach * RETURN }
     }
 
-    /// The way back after a contact that ends `now`.
+    /// The way back after a contact that ends `now`. One that was felt in a few cycles alone may
+    /// have bounced off unseen, before any of them showed the arm on its way out.
     pub(super) fn way_back(&self, now: Instant) -> Option<Return> {
         let speed = self.slow().max(FOLLOWING);
-        self.is_settling().then(|| Return { speed, end: now + RETURN_FOR })
+        (self.is_settling() || self.has_reached()).then(|| Return { speed, end: now + RETURN_FOR })
     }
 
     /// Whether any axis has reached f_min.
@@ -184,6 +185,15 @@ mod tests {
             let now = START + Span::from_nanoseconds(since);
             assert_eq!(memory.inward_speed(-0.2, now), expected, "after {since} ns");
         }
+    }
+
+    #[test]
+    fn a_bounce_between_two_samples_has_a_way_back_too() {
+        let mut memory = ContactMemory::<2>::new(None, START);
+        let _ = memory.inward_speed(-0.2, START);
+        assert_eq!(memory.way_back(START), None, "hardly touched");
+        memory.reached = [false, true];
+        assert_eq!(memory.way_back(START).map(|back| back.speed), Some(0.05));
     }
 
     #[test]

@@ -63,3 +63,20 @@ pub(crate) fn save(seed: u64, index: u64, directory: &Path) -> Result<(), String
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::closed_loop;
+    use crate::study::controller::{Profile, Variant, controller, scenario};
+
+    /// A contact that a study has found: after a bounce that no sample showed, the arm came back
+    /// as fast as it came first, and was stopped at 1.26 times what was attainable.
+    #[test]
+    fn a_bounce_between_two_samples_is_no_reason_to_stop() {
+        let draw = Draw::new(246_883, 137).unwrap();
+        let config = controller(&draw, Profile::Default, Variant::Nominal).unwrap();
+        let seen = closed_loop::run(&config, &scenario(&draw).unwrap()).unwrap();
+        assert!(seen.is_feasible() && !seen.stopped(), "{seen:?}");
+    }
+}
