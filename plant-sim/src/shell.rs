@@ -169,10 +169,10 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
     Ok(())
 }
 
-/// What every cycle needs.
+/// What every cycle needs; the ports go last, since their node is the last to leave.
 struct Turns {
-    ports: Ports,
     truths: Publisher<TruthSample>,
+    ports: Ports,
     /// T_s in ns.
     sampling_time: u64,
     /// When the command of a sample acts, in ns after its stamp.
