@@ -7,7 +7,8 @@ use comfy_table::{CellAlignment, Table, presets};
 use serde_json::{Value, json};
 
 use super::injection::{Fault, Touch};
-use super::observer::{Finding, Invariant};
+use super::observer::Finding;
+use crate::answers::Invariant;
 
 /// Largest part of the soak in which a fault may explain a force above the limit.
 const MOST_IN_WINDOWS: f64 = 0.3;
