@@ -27,7 +27,7 @@ use crate::{IpcSettings, Node};
 /// How often, and how long in between, a lock is tried for: its holder may have been stopped.
 const TRIES: usize = 1000;
 const BETWEEN: Duration = Duration::from_millis(2);
-/// iceoryx2's mode of the files of a node that is being made, and for how long a foreign one may be.
+/// iceoryx2's mode of memory and nodes that are being made, and for how long a foreign node may be.
 const BEING_MADE: u32 = 0o200;
 const LONGEST: Duration = Duration::from_millis(500);
 /// Its mode of the file of a service that is being written.
@@ -64,6 +64,7 @@ pub(crate) fn make_service<T, E: Classify>(
     make: impl Fn() -> Result<T, E>,
 ) -> Result<T, E> {
     let alone = open_root(&node.settings().root_path, false).ok().and_then(alone);
+    remove_half_made_memory(&node.settings().prefix);
     let mend = |hangs: bool| alone.is_some() && remove_half_made(node, name, pattern, hangs);
     mend(false);
     let made = make();
@@ -140,12 +141,36 @@ fn is_deserted(settings: &IpcSettings, config: &Config) -> bool {
     !lives && listed.is_ok() && !is_mapped(&settings.prefix)
 }
 
+/// Removes shared memory that was being made by one who was killed: iceoryx2 waits for it for ever, when
+/// it clears up after a dead node. Who makes it has it open.
+pub(crate) fn remove_half_made_memory(prefix: &str) {
+    let files = shared_memory_files(prefix).unwrap_or_default();
+    let is_half_made = |path: &PathBuf| {
+        std::fs::symlink_metadata(path).is_ok_and(|found| found.mode() & 0o777 == BEING_MADE) && !is_open(path)
+    };
+    // What cannot be removed is met again, and named.
+    files.iter().filter(|path| is_half_made(path)).for_each(|path| drop(std::fs::remove_file(path)));
+}
+
+/// Whether a process has this file open, or in its memory.
+fn is_open(path: &Path) -> bool {
+    let name = path.as_os_str().as_bytes();
+    list(Path::new("/proc")).iter().any(|process| {
+        let links = list(&process.join("fd"));
+        links.iter().any(|link| std::fs::read_link(link).is_ok_and(|file| file == path)) || maps(process, name)
+    })
+}
+
+/// Whether a process has a file in memory whose path begins like this.
+fn maps(process: &Path, path: &[u8]) -> bool {
+    std::fs::read(process.join("maps")).is_ok_and(|maps| maps.windows(path.len()).any(|part| part == path))
+}
+
 /// Whether somebody has shared memory of this prefix: a node of another root path may.
 fn is_mapped(prefix: &str) -> bool {
     let files = format!("{SHARED_MEMORY}/{prefix}");
     // Of other users nobody may map it.
-    let maps = list(Path::new("/proc")).into_iter().map(|process| std::fs::read(process.join("maps")));
-    maps.flatten().any(|maps| maps.windows(files.len()).any(|part| part == files.as_bytes()))
+    list(Path::new("/proc")).iter().any(|process| maps(process, files.as_bytes()))
 }
 
 /// Every file of this prefix.

@@ -38,6 +38,8 @@ impl Node {
 
 impl Drop for Node {
     fn drop(&mut self) {
+        // iceoryx2 clears up after the dead here, too.
+        leftovers::remove_half_made_memory(&self.settings.prefix);
         // SAFETY: it is dropped here only, and not used again.
         unsafe { ManuallyDrop::drop(&mut self.node) };
         if let Ok(config) = self.settings.config() {
@@ -241,6 +243,7 @@ impl IpcSettings {
         let root = open_root(&self.root_path, make_root)?;
         let _alone = leftovers::alone(root);
         leftovers::clear_deserted(self, &config);
+        leftovers::remove_half_made_memory(&self.prefix);
         node_counter::secure(&self.prefix)?;
         let mut builder = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
         // The name only labels the node: one that iceoryx2 does not accept is left out.

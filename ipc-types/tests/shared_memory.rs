@@ -337,6 +337,34 @@ fn a_service_that_was_left_half_made_is_made_anew_beside_programs_that_live() {
     std::fs::remove_file(tag).unwrap();
 }
 
+/// iceoryx2 itself would wait for it for ever, when it clears up after the node.
+#[test]
+fn memory_that_was_left_half_made_holds_nobody_up() {
+    use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+    let place = Private::new();
+    let living = place.node("living").unwrap();
+    let path = std::path::Path::new("/dev/shm").join(format!("{}{}_12.dynamic", place.prefix, "0a".repeat(20)));
+    let mut options = std::fs::OpenOptions::new();
+    options.create_new(true).write(true).mode(0o200);
+    let maker = options.open(&path).unwrap();
+    drop(place.node("guest").unwrap());
+    assert!(path.exists(), "who makes it lives");
+    drop(maker);
+    let guest = place.node("guest").unwrap();
+    assert!(!path.exists(), "at the start of a node");
+    drop(options.open(&path).unwrap());
+    drop(guest);
+    assert!(!path.exists(), "at its end");
+    drop(options.open(&path).unwrap());
+    drop(state(&living, &place.instance, Access::OpenOrCreate).unwrap());
+    assert!(!path.exists(), "and before a service");
+    // What is complete stays.
+    std::fs::write(&path, "x").unwrap();
+    std::fs::set_permissions(&path, PermissionsExt::from_mode(0o600)).unwrap();
+    drop(place.node("guest").unwrap());
+    assert!(path.exists());
+}
+
 #[test]
 fn where_nobody_lives_nothing_is_left() {
     let place = Private::new();
