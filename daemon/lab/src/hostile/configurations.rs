@@ -32,7 +32,7 @@ const THOUGHT_THROUGH: u32 = 200;
 const LONGEST: usize = 64 << 10;
 
 /// What validate says of a file; a panic is an error of its own.
-pub(super) fn validated(path: &Path) -> Result<Config, (Exit, String)> {
+pub(crate) fn validated(path: &Path) -> Result<Config, (Exit, String)> {
     catch_unwind(AssertUnwindSafe(|| validate::load(path)))
         .unwrap_or_else(|_| Err((Exit::Internal, "validate panicked".to_owned())))
 }

@@ -172,7 +172,7 @@ impl Round {
             }
             _ => {
                 // A running daemon is none the wiser.
-                if let Some(file) = stranger(arena)? {
+                if let Some(file) = stranger(&arena.session.settings().prefix)? {
                     std::fs::remove_file(file).map_err(failed)?;
                 }
             }
@@ -200,7 +200,7 @@ impl Round {
         arena.is_alive()?;
         arena.kill("daemon");
         if self.killed.is_multiple_of(2)
-            && let Some(file) = stranger(arena)?
+            && let Some(file) = stranger(&arena.session.settings().prefix)?
         {
             arena.start_daemon().map_err(text)?;
             let log = ended(arena, "daemon", Exit::NoPermission);
@@ -252,11 +252,11 @@ fn recording(arena: &Arena) -> PathBuf {
 }
 
 /// A file in shared memory with our prefix that belongs to another user; only root can play that.
-fn stranger(arena: &Arena) -> Result<Option<PathBuf>, String> {
+pub(crate) fn stranger(prefix: &str) -> Result<Option<PathBuf>, String> {
     if effective_user() != 0 {
         return Ok(None);
     }
-    let name = format!("{}{}_x", arena.session.settings().prefix, "0123456789".repeat(4));
+    let name = format!("{prefix}{}_x", "0123456789".repeat(4));
     let file = PathBuf::from("/dev/shm").join(name);
     let made = std::fs::write(&file, "x").and_then(|()| chown(&file, Some(STRANGER), Some(STRANGER)));
     made.map_err(|error| format!("{}: {error}", file.display()))?;

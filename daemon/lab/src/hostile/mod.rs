@@ -1,15 +1,15 @@
 //! `admittance-lab hostile`: what attacks daemon and tools from outside. Every case is drawn from
 //! seed and number alone, so that what is found can be seen again.
 
-mod arena;
+pub(crate) mod arena;
 mod cell;
-mod configurations;
+pub(crate) mod configurations;
 mod controller;
-mod everything;
+pub(crate) mod everything;
 mod feeds;
-mod mutate;
+pub(crate) mod mutate;
 mod recordings;
-mod requests;
+pub(crate) mod requests;
 mod restarts;
 mod samples;
 mod spoil;

@@ -55,18 +55,18 @@ const PIECES: [&str; 16] = [
 ];
 
 /// Draws texts from a valid one.
-pub(super) struct Mutations {
+pub(crate) struct Mutations {
     valid: String,
     of_keys: Vec<Mutation>,
 }
 
 impl Mutations {
-    pub(super) fn of(valid: &str) -> Self {
+    pub(crate) fn of(valid: &str) -> Self {
         Self { valid: valid.to_owned(), of_keys: mutations(&Config::keys(""), valid) }
     }
 
     /// The next text: bytes, since it need not be UTF-8.
-    pub(super) fn draw(&self, random: &mut impl Rng) -> Vec<u8> {
+    pub(crate) fn draw(&self, random: &mut impl Rng) -> Vec<u8> {
         let start = match random.random_range(0..3) {
             0 => &self.of_keys[random.random_range(0..self.of_keys.len())].text,
             _ => &self.valid,

@@ -140,7 +140,7 @@ fn flaws(request: &RequestSample, response: &ResponseSample, limits: &[(f64, f64
 }
 
 /// Any request.
-fn draw(random: &mut impl Rng) -> RequestSample {
+pub(crate) fn draw(random: &mut impl Rng) -> RequestSample {
     let kind = match random.random_range(0..20) {
         0 => random.random(),
         1 => EDGES[random.random_range(0..EDGES.len())] as u32,
