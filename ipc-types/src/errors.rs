@@ -176,6 +176,8 @@ pub(crate) enum Kind {
     Permission,
     Nodes,
     Busy,
+    /// Somebody has begun to make it, or to remove it, and does not go on.
+    Hanging,
     Damaged,
     Other,
 }
@@ -222,13 +224,15 @@ classify!(PublishSubscribeOpenError {
     Version: VersionMismatch;
     Permission: InsufficientPermissions;
     Nodes: ExceedsMaxNumberOfNodes;
-    Busy: IsMarkedForDestruction | Interrupt;
-    Damaged: ServiceInCorruptedState | HangsInCreation;
+    Busy: Interrupt;
+    Hanging: HangsInCreation | IsMarkedForDestruction;
+    Damaged: ServiceInCorruptedState;
 });
 classify!(PublishSubscribeCreateError {
     Permission: InsufficientPermissions;
     Busy: AlreadyExists | IsBeingCreatedByAnotherInstance | Interrupt;
-    Damaged: ServiceInCorruptedState | HangsInCreation;
+    Hanging: HangsInCreation;
+    Damaged: ServiceInCorruptedState;
 });
 classify!(EventOpenError {
     NotFound: DoesNotExist;
@@ -239,8 +243,9 @@ classify!(EventOpenError {
     Version: VersionMismatch;
     Permission: InsufficientPermissions;
     Nodes: ExceedsMaxNumberOfNodes;
-    Busy: IsMarkedForDestruction | Interrupt;
-    Damaged: ServiceInCorruptedState | HangsInCreation;
+    Busy: Interrupt;
+    Hanging: HangsInCreation | IsMarkedForDestruction;
+    Damaged: ServiceInCorruptedState;
 });
 classify!(EventCreateError {
     Permission: InsufficientPermissions;
@@ -259,13 +264,15 @@ classify!(RequestResponseOpenError {
     Version: VersionMismatch;
     Permission: InsufficientPermissions;
     Nodes: ExceedsMaxNumberOfNodes;
-    Busy: IsMarkedForDestruction | Interrupt;
-    Damaged: ServiceInCorruptedState | HangsInCreation;
+    Busy: Interrupt;
+    Hanging: HangsInCreation | IsMarkedForDestruction;
+    Damaged: ServiceInCorruptedState;
 });
 classify!(RequestResponseCreateError {
     Permission: InsufficientPermissions;
     Busy: AlreadyExists | IsBeingCreatedByAnotherInstance | Interrupt;
-    Damaged: ServiceInCorruptedState | HangsInCreation;
+    Hanging: HangsInCreation;
+    Damaged: ServiceInCorruptedState;
 });
 classify_either!(PublishSubscribeOpenOrCreateError: PublishSubscribeOpenError, PublishSubscribeCreateError);
 classify_either!(EventOpenOrCreateError: EventOpenError, EventCreateError);

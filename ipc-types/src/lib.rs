@@ -19,6 +19,7 @@ mod macros;
 mod enums;
 mod errors;
 mod instance;
+mod leftovers;
 mod node_counter;
 mod place;
 mod ports;

@@ -9,10 +9,8 @@ use std::os::fd::AsRawFd;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-use crate::IpcSettings;
-use crate::place::{PlaceError, effective_user, open_root};
+use crate::place::{PlaceError, effective_user};
 use crate::removal::{SHARED_MEMORY, shared_memory_files};
 
 /// The file's name after the prefix, in iceoryx2 0.10.0.
@@ -105,41 +103,6 @@ fn make(path: &Path) -> io::Result<()> {
 
 fn zero_terminated(path: &[u8]) -> io::Result<std::ffi::CString> {
     std::ffi::CString::new(path).map_err(io::Error::other)
-}
-
-/// Holds the counter where it is while a node is made.
-pub(crate) struct Kept {
-    _root: File,
-}
-
-/// Waits for one who is just removing it, a moment at most: that one may have been stopped.
-pub(crate) fn keep(root: File) -> Kept {
-    for _ in 0..TRIES {
-        if root.try_lock_shared().is_ok() {
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    Kept { _root: root }
-}
-
-/// Removes the counter if no node of this place is left, and nothing else in shared memory: what an
-/// orderly end leaves behind is nothing. A program that was killed leaves it to the next.
-pub(crate) fn remove_if_last(settings: &IpcSettings) {
-    let Ok(root) = open_root(&settings.root_path, false) else { return };
-    if root.try_lock().is_err() {
-        return;
-    }
-    let has_nodes = match std::fs::read_dir(settings.root_path.join("nodes")) {
-        Ok(mut nodes) => nodes.next().is_some(),
-        Err(error) => error.kind() != ErrorKind::NotFound,
-    };
-    let counter = path(&settings.prefix);
-    let others = shared_memory_files(&settings.prefix).map(|files| files.iter().any(|file| *file != counter));
-    if !has_nodes && others.is_ok_and(|others| !others) {
-        // Gone already is as good; the next start sees to anything else.
-        let _ = std::fs::remove_file(counter);
-    }
 }
 
 #[cfg(test)]

@@ -192,7 +192,7 @@ pub(crate) fn open_failure<Q>(
         Kind::Version => ServiceError::WrongIceoryx2 { service },
         Kind::Permission => ServiceError::Permission { service, root_path },
         Kind::Nodes => ServiceError::TooManyNodes { service },
-        Kind::Busy => ServiceError::Busy { service, cause },
+        Kind::Busy | Kind::Hanging => ServiceError::Busy { service, cause },
         Kind::Damaged => ServiceError::Damaged { service, cause, root_path, prefix },
         Kind::Other => ServiceError::Iceoryx2 { service, cause },
     }

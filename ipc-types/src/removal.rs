@@ -112,15 +112,15 @@ fn is_ours(entry: &Path, prefix: &str) -> bool {
 }
 
 /// iceoryx2 names: the prefix and a decimal id up to the first dot (root path), or the prefix, 40
-/// hexadecimal digits and `_` (`/dev/shm`). This strict because the prefix "a" must not match the
+/// hexadecimal digits and `_` (`/dev/shm`) or a dot (services). This strict because the prefix "a" must not match the
 /// files of the prefix "a_b".
-fn carries(entry: &Path, prefix: &str) -> bool {
+pub(crate) fn carries(entry: &Path, prefix: &str) -> bool {
     let name = entry.file_name().unwrap_or_default().as_bytes();
     let Some(rest) = name.strip_prefix(prefix.as_bytes()) else { return false };
     let digits = |all: &[u8], accepted: fn(&u8) -> bool| !all.is_empty() && all.iter().all(accepted);
     let id = rest.split(|&b| b == b'.').next().unwrap_or_default();
     let hash = rest.get(..40).unwrap_or_default();
-    digits(id, u8::is_ascii_digit) || (digits(hash, u8::is_ascii_hexdigit) && rest.get(40) == Some(&b'_'))
+    digits(id, u8::is_ascii_digit) || (digits(hash, u8::is_ascii_hexdigit) && matches!(rest.get(40), Some(b'_' | b'.')))
 }
 
 fn ignore_missing(path: &Path, result: io::Result<()>) -> Result<(), RemoveError> {

@@ -1,10 +1,11 @@
 //! The services of the contract: one table of names and quality of service, and one function per
 //! service that applies it.
 
-use iceoryx2::prelude::ServiceName;
+use iceoryx2::prelude::{MessagingPattern, ServiceName};
 
 use crate::errors::ServiceError;
 use crate::layout::WireSample;
+use crate::leftovers::make_service;
 use crate::ports::{Event, PublishSubscribe, RequestResponse, open_failure};
 use crate::qos::{EventQos, PublishSubscribeQos, RequestResponseQos, ServiceSpec};
 use crate::{
@@ -229,22 +230,26 @@ pub fn diagnostics(
 pub fn request(node: &Node, instance: &Instance, access: Access) -> Result<RequestResponse, ServiceError> {
     let (name, spec) = (service_name(&REQUEST, instance), &REQUEST);
     let qos = &spec.qos;
-    let builder = node
-        .service_builder(&name)
-        .request_response::<RequestSample, ResponseSample>()
-        .max_servers(qos.max_servers)
-        .max_clients(qos.max_clients)
-        .max_nodes(qos.max_nodes)
-        .max_active_requests_per_client(qos.max_active_requests_per_client)
-        .max_loaned_requests(qos.max_loaned_requests)
-        .max_response_buffer_size(qos.max_response_buffer_size)
-        .max_borrowed_responses_per_pending_response(qos.max_borrowed_responses_per_pending_response)
-        .enable_safe_overflow_for_requests(qos.enable_safe_overflow_for_requests)
-        .enable_safe_overflow_for_responses(qos.enable_safe_overflow_for_responses)
-        .enable_fire_and_forget_requests(qos.enable_fire_and_forget_requests);
+    let builder = || {
+        node.service_builder(&name)
+            .request_response::<RequestSample, ResponseSample>()
+            .max_servers(qos.max_servers)
+            .max_clients(qos.max_clients)
+            .max_nodes(qos.max_nodes)
+            .max_active_requests_per_client(qos.max_active_requests_per_client)
+            .max_loaned_requests(qos.max_loaned_requests)
+            .max_response_buffer_size(qos.max_response_buffer_size)
+            .max_borrowed_responses_per_pending_response(qos.max_borrowed_responses_per_pending_response)
+            .enable_safe_overflow_for_requests(qos.enable_safe_overflow_for_requests)
+            .enable_safe_overflow_for_responses(qos.enable_safe_overflow_for_responses)
+            .enable_fire_and_forget_requests(qos.enable_fire_and_forget_requests)
+    };
     let factory = match access {
-        Access::OpenOrCreate => builder.open_or_create().map_err(|e| open_failure(node, &name, spec, &e)),
-        Access::Open => builder.open().map_err(|e| open_failure(node, &name, spec, &e)),
+        Access::OpenOrCreate => {
+            make_service(node, &name, MessagingPattern::RequestResponse, || builder().open_or_create())
+                .map_err(|e| open_failure(node, &name, spec, &e))
+        }
+        Access::Open => builder().open().map_err(|e| open_failure(node, &name, spec, &e)),
     }?;
     Ok(RequestResponse { factory, spec })
 }
@@ -257,19 +262,23 @@ fn publish_subscribe<T: WireSample>(
 ) -> Result<PublishSubscribe<T>, ServiceError> {
     let name = service_name(spec, instance);
     let qos = &spec.qos;
-    let builder = node
-        .service_builder(&name)
-        .publish_subscribe::<T>()
-        .max_publishers(qos.max_publishers)
-        .max_subscribers(qos.max_subscribers)
-        .max_nodes(qos.max_nodes)
-        .subscriber_max_buffer_size(qos.subscriber_max_buffer_size)
-        .subscriber_max_borrowed_samples(qos.subscriber_max_borrowed_samples)
-        .history_size(qos.history_size)
-        .enable_safe_overflow(qos.enable_safe_overflow);
+    let builder = || {
+        node.service_builder(&name)
+            .publish_subscribe::<T>()
+            .max_publishers(qos.max_publishers)
+            .max_subscribers(qos.max_subscribers)
+            .max_nodes(qos.max_nodes)
+            .subscriber_max_buffer_size(qos.subscriber_max_buffer_size)
+            .subscriber_max_borrowed_samples(qos.subscriber_max_borrowed_samples)
+            .history_size(qos.history_size)
+            .enable_safe_overflow(qos.enable_safe_overflow)
+    };
     let factory = match access {
-        Access::OpenOrCreate => builder.open_or_create().map_err(|e| open_failure(node, &name, spec, &e)),
-        Access::Open => builder.open().map_err(|e| open_failure(node, &name, spec, &e)),
+        Access::OpenOrCreate => {
+            make_service(node, &name, MessagingPattern::PublishSubscribe, || builder().open_or_create())
+                .map_err(|e| open_failure(node, &name, spec, &e))
+        }
+        Access::Open => builder().open().map_err(|e| open_failure(node, &name, spec, &e)),
     }?;
     Ok(PublishSubscribe { factory, spec })
 }
@@ -282,16 +291,18 @@ fn event(
 ) -> Result<Event, ServiceError> {
     let name = service_name(spec, instance);
     let qos = &spec.qos;
-    let builder = node
-        .service_builder(&name)
-        .event()
-        .max_notifiers(qos.max_notifiers)
-        .max_listeners(qos.max_listeners)
-        .max_nodes(qos.max_nodes)
-        .event_id_max_value(qos.event_id_max_value);
+    let builder = || {
+        node.service_builder(&name)
+            .event()
+            .max_notifiers(qos.max_notifiers)
+            .max_listeners(qos.max_listeners)
+            .max_nodes(qos.max_nodes)
+            .event_id_max_value(qos.event_id_max_value)
+    };
     let factory = match access {
-        Access::OpenOrCreate => builder.open_or_create().map_err(|e| open_failure(node, &name, spec, &e)),
-        Access::Open => builder.open().map_err(|e| open_failure(node, &name, spec, &e)),
+        Access::OpenOrCreate => make_service(node, &name, MessagingPattern::Event, || builder().open_or_create())
+            .map_err(|e| open_failure(node, &name, spec, &e)),
+        Access::Open => builder().open().map_err(|e| open_failure(node, &name, spec, &e)),
     }?;
     Ok(Event { factory, spec })
 }

@@ -12,10 +12,10 @@ use iceoryx2::prelude::{FileName, LogLevel, NodeBuilder, NodeName, SemanticStrin
 
 use crate::place::{PlaceError, open_root};
 use crate::resources::{Lacking, Needed};
-use crate::{Instance, node_counter};
+use crate::{Instance, leftovers, node_counter};
 
 /// A node on shared memory. Neither it nor its ports can be sent to another thread. Drop it after
-/// its ports: the last node of a place takes iceoryx2's counter of nodes with it.
+/// its ports: the last node of a place takes all that is left there with it.
 #[derive(Debug)]
 pub struct Node {
     node: ManuallyDrop<iceoryx2::node::Node<ipc::Service>>,
@@ -30,11 +30,21 @@ impl Deref for Node {
     }
 }
 
+impl Node {
+    pub(crate) fn settings(&self) -> &IpcSettings {
+        &self.settings
+    }
+}
+
 impl Drop for Node {
     fn drop(&mut self) {
+        // iceoryx2 clears up after the dead here, too.
+        leftovers::remove_half_made_memory(&self.settings.prefix);
         // SAFETY: it is dropped here only, and not used again.
         unsafe { ManuallyDrop::drop(&mut self.node) };
-        node_counter::remove_if_last(&self.settings);
+        if let Ok(config) = self.settings.config() {
+            leftovers::clear_if_deserted(&self.settings, &config);
+        }
     }
 }
 
@@ -230,7 +240,10 @@ impl IpcSettings {
         self.check(Needed::TOOL)?;
         let config = self.config()?;
         let root_path = || self.root_path.clone();
-        let _kept = node_counter::keep(open_root(&self.root_path, make_root)?);
+        let root = open_root(&self.root_path, make_root)?;
+        let _alone = leftovers::alone(root);
+        leftovers::clear_deserted(self, &config);
+        leftovers::remove_half_made_memory(&self.prefix);
         node_counter::secure(&self.prefix)?;
         let mut builder = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
         // The name only labels the node: one that iceoryx2 does not accept is left out.

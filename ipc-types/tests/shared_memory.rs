@@ -282,3 +282,112 @@ fn removal_refuses_what_may_belong_to_others() {
     drop(node);
     std::fs::remove_file(notes).unwrap();
 }
+
+/// What a program leaves that is killed while it makes the service: here the file that says what the
+/// service is, without the memory that it needs.
+fn half_made(place: &Private) -> std::path::PathBuf {
+    let node = place.node("killed").unwrap();
+    let service = state(&node, &place.instance, Access::OpenOrCreate).unwrap();
+    let file = files(&place.root_path.join("services")).pop().expect("one service");
+    let bytes = std::fs::read(&file).unwrap();
+    drop(service);
+    drop(node);
+    std::fs::create_dir_all(place.root_path.join("services")).unwrap();
+    std::fs::write(&file, bytes).unwrap();
+    std::fs::set_permissions(&file, std::os::unix::fs::PermissionsExt::from_mode(0o400)).unwrap();
+    file
+}
+
+fn files(directory: &std::path::Path) -> Vec<std::path::PathBuf> {
+    std::fs::read_dir(directory).into_iter().flatten().map(|entry| entry.unwrap().path()).collect()
+}
+
+#[test]
+fn a_service_that_was_left_half_made_is_made_anew_beside_programs_that_live() {
+    let place = Private::new();
+    let file = half_made(&place);
+    // What is removed where nobody lives is not what this test is about.
+    std::fs::rename(&file, place.root_path.join("kept")).unwrap();
+    let living = place.node("living").unwrap();
+    std::fs::rename(place.root_path.join("kept"), &file).unwrap();
+    let tool = state(&living, &place.instance, Access::Open).unwrap_err();
+    assert!(matches!(tool, ServiceError::Busy { .. }), "a tool makes and removes nothing: {tool}");
+    let daemon = place.node("daemon").unwrap();
+    let service = state(&daemon, &place.instance, Access::OpenOrCreate).expect("made anew");
+    let publisher = service.publisher().unwrap();
+    let subscriber = state(&living, &place.instance, Access::Open).unwrap().subscriber().unwrap();
+    publisher.send_copy(StateSample { sequence: 7, ..StateSample::zeroed() }).unwrap();
+    assert_eq!(subscriber.receive().unwrap().expect("they have met").sequence, 7);
+    drop((publisher, subscriber, service));
+    assert!(!file.exists(), "the service has gone with its last user");
+    // Killed even earlier: there is a file, and nothing in it.
+    let unwritten = || {
+        std::fs::write(&file, "").unwrap();
+        std::fs::set_permissions(&file, std::os::unix::fs::PermissionsExt::from_mode(0o600)).unwrap();
+    };
+    unwritten();
+    drop(state(&daemon, &place.instance, Access::OpenOrCreate).expect("made anew"));
+    // What a living node is at it is left alone.
+    unwritten();
+    let name = file.file_stem().unwrap().to_str().unwrap().to_owned();
+    let tag = place.root_path.join(format!("nodes/{}/{name}.service_tag", living.id().value()));
+    std::fs::write(&tag, "").unwrap();
+    let error = state(&daemon, &place.instance, Access::OpenOrCreate).unwrap_err();
+    assert!(matches!(error, ServiceError::Busy { .. }) && file.exists(), "{error}");
+    std::fs::remove_file(tag).unwrap();
+}
+
+/// iceoryx2 itself would wait for it for ever, when it clears up after the node.
+#[test]
+fn memory_that_was_left_half_made_holds_nobody_up() {
+    use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+    let place = Private::new();
+    let living = place.node("living").unwrap();
+    let path = std::path::Path::new("/dev/shm").join(format!("{}{}_12.dynamic", place.prefix, "0a".repeat(20)));
+    let mut options = std::fs::OpenOptions::new();
+    options.create_new(true).write(true).mode(0o200);
+    let maker = options.open(&path).unwrap();
+    drop(place.node("guest").unwrap());
+    assert!(path.exists(), "who makes it lives");
+    drop(maker);
+    let guest = place.node("guest").unwrap();
+    assert!(!path.exists(), "at the start of a node");
+    drop(options.open(&path).unwrap());
+    drop(guest);
+    assert!(!path.exists(), "at its end");
+    drop(options.open(&path).unwrap());
+    drop(state(&living, &place.instance, Access::OpenOrCreate).unwrap());
+    assert!(!path.exists(), "and before a service");
+    // What is complete stays.
+    std::fs::write(&path, "x").unwrap();
+    std::fs::set_permissions(&path, PermissionsExt::from_mode(0o600)).unwrap();
+    drop(place.node("guest").unwrap());
+    assert!(path.exists());
+}
+
+#[test]
+fn where_nobody_lives_nothing_is_left() {
+    let place = Private::new();
+    half_made(&place);
+    let orphan = std::path::Path::new("/dev/shm").join(format!("{}{}_12.event_mgmt", place.prefix, "0a".repeat(20)));
+    std::fs::write(&orphan, "x").unwrap();
+    let living = place.node("living").unwrap();
+    assert!(!orphan.exists() && files(&place.root_path.join("services")).is_empty());
+    // Beside a program that lives it stays, whoever comes and goes.
+    std::fs::write(&orphan, "x").unwrap();
+    drop(place.node("guest").unwrap());
+    assert!(orphan.exists());
+    drop(living);
+    assert!(!orphan.exists());
+    assert!(ipc_types::shared_memory_files(&place.prefix).unwrap().is_empty());
+    assert!(files(&place.root_path.join("nodes")).is_empty() && files(&place.root_path.join("services")).is_empty());
+    // One of another root path is not to suffer for it.
+    let other = Private::new();
+    let settings = ipc_types::IpcSettings { prefix: other.prefix.clone(), ..place.0.clone() };
+    let kept = other.node("living").unwrap();
+    let service = state(&kept, &other.instance, Access::OpenOrCreate).unwrap();
+    let before = ipc_types::shared_memory_files(&other.prefix).unwrap().len();
+    drop(settings.node("another root path, the same prefix").unwrap());
+    assert_eq!(ipc_types::shared_memory_files(&other.prefix).unwrap().len(), before);
+    drop(service);
+}

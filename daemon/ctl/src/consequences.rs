@@ -19,7 +19,7 @@ use crate::limits::Touch;
 const INSTANTS: u32 = 4;
 
 /// Line by line.
-pub(crate) fn lines(config: &Config) -> Vec<String> {
+pub fn lines(config: &Config) -> Vec<String> {
     let mut lines = belief(config);
     lines.push(horizon(config));
     lines.push(reach(config));

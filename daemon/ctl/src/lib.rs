@@ -10,7 +10,7 @@ macro_rules! eprintln {
     ($($text:tt)*) => { admittance_host::remark!($($text)*) };
 }
 
-mod consequences;
+pub mod consequences;
 pub mod demo;
 mod diagnostics;
 mod doctor;

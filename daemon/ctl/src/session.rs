@@ -1,7 +1,7 @@
 //! Daemon and plant as child processes, with a root directory and a prefix of their own. Whatever
 //! happens, they leave nothing behind.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -58,6 +58,17 @@ impl Session {
 
     /// Starts this program in a hidden role, in the session's place.
     pub fn start(&mut self, name: &'static str, role: &str, arguments: &[&OsStr]) -> Result<(), (Exit, String)> {
+        self.start_with(name, role, arguments, &[])
+    }
+
+    /// The same with these variables in its environment.
+    pub fn start_with(
+        &mut self,
+        name: &'static str,
+        role: &str,
+        arguments: &[&OsStr],
+        environment: &[(&str, OsString)],
+    ) -> Result<(), (Exit, String)> {
         let failed =
             |error: std::io::Error| (Exit::Unavailable, format!("the {name} process cannot be started: {error}"));
         let log = File::create(self.log_path(name)).map_err(failed)?;
@@ -65,12 +76,18 @@ impl Session {
         command.arg(role).args(arguments);
         command.arg("--root-path").arg(&self.settings.root_path).args(["--prefix", &self.settings.prefix]);
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
+        command.envs(environment.iter().map(|(name, value)| (name, value)));
         // Ctrl-C reaches the demo alone, which then ends both in order.
         command.process_group(0);
         // SAFETY: between fork and exec only prctl is called, which is async-signal-safe.
         unsafe { command.pre_exec(die_with_parent) };
         self.children.push((name, command.spawn().map_err(failed)?));
         Ok(())
+    }
+
+    /// What a process has logged since it was started.
+    pub fn log(&self, name: &str) -> String {
+        std::fs::read_to_string(self.log_path(name)).unwrap_or_default()
     }
 
     /// Subscribes to the truth as soon as the plant has opened it.
@@ -136,7 +153,7 @@ impl Session {
 
     /// Why the daemon stopped the arm, as its log has it.
     pub fn stop_reason(&self) -> Option<String> {
-        let log = std::fs::read_to_string(self.log_path("daemon")).ok()?;
+        let log = self.log("daemon");
         let line = log.lines().find_map(|line| line.split_once("Stopped: "))?;
         Some(line.1.to_owned())
     }

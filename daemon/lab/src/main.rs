@@ -10,8 +10,10 @@ macro_rules! eprintln {
     ($($text:tt)*) => { admittance_host::remark!($($text)*) };
 }
 
+mod answers;
 mod bench;
 mod flood;
+mod hostile;
 mod soak;
 mod study;
 
@@ -31,7 +33,7 @@ use admittancectl::{Exit, Outcome};
     arg_required_else_help = true
 )]
 #[command(after_help = "Examples:\n  admittance-lab study verdict --runs 200 --seed 1\n  admittance-lab bench solver \
-    daemon/lab/judge/problems/d2_h5.bin\n  admittance-lab soak --minutes 2\n\nExit codes: 0 done, 1 claim not met, \
+    daemon/lab/judge/problems/d2_h5.bin\n  admittance-lab soak --minutes 2\n  admittance-lab hostile\n\nExit codes: 0 done, 1 claim not met, \
     64 usage, 65 malformed data, 66 no such file, 69 not available, 75 machine too busy, 77 no permission.")]
 struct Cli {
     #[command(subcommand)]
@@ -46,6 +48,8 @@ enum Command {
     Study(study::Args),
     /// Let things go wrong at random, for long, and watch what must never happen.
     Soak(soak::Args),
+    /// Attack daemon and tools from outside: garbage, damage, kills, and all of it at once.
+    Hostile(hostile::Args),
     /// Ask a running daemon more than it can answer, and measure how long another client waits.
     Flood(flood::Args),
     /// The daemon's real-time thread in this process, observed: what bench jitter starts.
@@ -76,6 +80,7 @@ fn run(command: Command) -> Outcome<Exit> {
         Command::Bench(args) => bench::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Soak(args) => soak::run(&args),
+        Command::Hostile(args) => hostile::run(&args),
         Command::Flood(args) => flood::run(&args),
         Command::RoleSoakObserver(args) => soak::observer::run(&args),
         Command::RoleObservedDaemon(args) => bench::observed::run(&args),

@@ -28,11 +28,15 @@ pub fn read_text(path: &Path) -> io::Result<String> {
         };
         return refused(format!("it is {what}"));
     }
+    let too_large = || refused(format!("it has more than {LARGEST_FILE} bytes"));
+    if found.len() > LARGEST_FILE {
+        return too_large();
+    }
     let mut bytes = Vec::new();
     // A file may grow meanwhile, and some say that they are empty.
     file.take(LARGEST_FILE + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > LARGEST_FILE {
-        return refused(format!("it has more than {LARGEST_FILE} bytes"));
+        return too_large();
     }
-    String::from_utf8(bytes).map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
+    String::from_utf8(bytes).map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8 text; accepted: TOML"))
 }

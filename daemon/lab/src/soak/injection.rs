@@ -5,6 +5,8 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::outside::Outside;
+
 /// From the start of the motion to first contact, s.
 pub(crate) const CONTACT_S: f64 = 0.2;
 /// How long the commanded motion presses, s from its start.
@@ -23,16 +25,24 @@ pub(crate) enum Fault {
     DaemonStopped,
     /// SIGKILL of the daemon; it is started again.
     DaemonKilled,
+    /// SIGKILL of the daemon, and of the next one while it starts.
+    DaemonKilledAtStart,
+    /// SIGTERM of the daemon; it is started again.
+    DaemonTerminated,
     /// SIGSTOP of the plant, then SIGCONT.
     PlantStopped,
     /// SIGKILL of the plant.
     PlantKilled,
+    /// SIGTERM of the plant.
+    PlantTerminated,
     /// SIGKILL of `admittancectl record`; the next one begins another file.
     RecorderKilled,
     /// A second daemon of the same instance.
     SecondDaemon,
     /// The configuration file is garbage, and SIGHUP.
     GarbageReloaded,
+    /// An attack that kills nothing.
+    Outside(Outside),
 }
 
 impl Fault {
@@ -42,13 +52,16 @@ impl Fault {
         let processes = [
             Self::DaemonStopped,
             Self::DaemonKilled,
+            Self::DaemonKilledAtStart,
+            Self::DaemonTerminated,
             Self::PlantStopped,
             Self::PlantKilled,
+            Self::PlantTerminated,
             Self::RecorderKilled,
             Self::SecondDaemon,
             Self::GarbageReloaded,
         ];
-        scripted.chain(processes).collect()
+        scripted.chain(processes).chain(Outside::ALL.map(Self::Outside)).collect()
     }
 
     /// Its name in tables and JSON.
@@ -57,12 +70,21 @@ impl Fault {
             Self::Scripted(kind) => kind.name(),
             Self::DaemonStopped => "daemon_stopped",
             Self::DaemonKilled => "daemon_killed",
+            Self::DaemonKilledAtStart => "daemon_killed_at_start",
+            Self::DaemonTerminated => "daemon_terminated",
             Self::PlantStopped => "plant_stopped",
             Self::PlantKilled => "plant_killed",
+            Self::PlantTerminated => "plant_terminated",
             Self::RecorderKilled => "recorder_killed",
             Self::SecondDaemon => "second_daemon",
             Self::GarbageReloaded => "garbage_reloaded",
+            Self::Outside(kind) => kind.name(),
         }
+    }
+
+    /// Whether the daemon ends by it.
+    pub(crate) fn ends_daemon(self) -> bool {
+        matches!(self, Self::DaemonKilled | Self::DaemonKilledAtStart | Self::DaemonTerminated)
     }
 }
 
@@ -90,19 +112,20 @@ pub(crate) struct Touch {
 #[derive(Debug)]
 pub(crate) struct Draw {
     rng: ChaCha8Rng,
+    kinds: Vec<Fault>,
     waiting: Vec<(Fault, bool)>,
 }
 
 impl Draw {
-    /// The same seed draws the same touches.
-    pub(crate) fn new(seed: u64) -> Self {
-        Self { rng: ChaCha8Rng::seed_from_u64(seed), waiting: Vec::new() }
+    /// The same seed draws the same touches of these kinds.
+    pub(crate) fn new(seed: u64, kinds: Vec<Fault>) -> Self {
+        Self { rng: ChaCha8Rng::seed_from_u64(seed), kinds, waiting: Vec::new() }
     }
 
     /// The next one.
     pub(crate) fn touch(&mut self) -> Touch {
         if self.waiting.is_empty() {
-            self.waiting = Fault::all().into_iter().flat_map(|fault| [(fault, false), (fault, true)]).collect();
+            self.waiting = self.kinds.iter().flat_map(|fault| [(*fault, false), (*fault, true)]).collect();
             self.waiting.shuffle(&mut self.rng);
         }
         let (fault, in_contact) = self.waiting.pop().unwrap_or((Fault::DaemonStopped, true));
@@ -129,7 +152,8 @@ mod tests {
     #[test]
     fn every_kind_comes_in_free_motion_and_in_contact_before_any_comes_again() {
         let kinds = Fault::all();
-        let mut draw = Draw::new(3);
+        assert!(kinds.len() >= 40, "{}", kinds.len());
+        let mut draw = Draw::new(3, Fault::all());
         let touches: Vec<Touch> = (0..2 * kinds.len()).map(|_| draw.touch()).collect();
         for kind in kinds {
             let of_kind: Vec<&Touch> = touches.iter().filter(|touch| touch.fault == kind).collect();
@@ -138,7 +162,7 @@ mod tests {
         }
         assert!(touches.iter().all(|touch| touch.in_contact == (touch.at_s > CONTACT_S)));
         let again: Vec<Touch> = {
-            let mut draw = Draw::new(3);
+            let mut draw = Draw::new(3, Fault::all());
             (0..touches.len()).map(|_| draw.touch()).collect()
         };
         assert_eq!(touches, again);

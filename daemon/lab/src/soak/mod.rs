@@ -1,8 +1,10 @@
 //! `admittance-lab soak`: touches of a surface with something going wrong in each, for as long as
 //! one likes. Plant and daemon are real processes, and a third one looks on from outside.
 
+mod files;
 mod injection;
 pub(crate) mod observer;
+mod outside;
 mod recording;
 mod tally;
 mod touch;
@@ -19,7 +21,7 @@ use plant_sim::scenario::Scenario;
 use admittancectl::Exit;
 use admittancectl::demo::SCENARIO;
 use admittancectl::session::Session;
-use injection::Draw;
+use injection::{Draw, Fault};
 use observer::Finding;
 use tally::Tally;
 use touch::{GRACE, Stage};
@@ -44,9 +46,18 @@ pub(crate) struct Args {
     /// The same seed injects the same faults.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Only this kind of fault; may be given more than once.
+    #[arg(long, value_name = "FAULT", value_parser = fault)]
+    only: Vec<Fault>,
     /// One JSON object.
     #[arg(long)]
     json: bool,
+}
+
+fn fault(name: &str) -> Result<Fault, String> {
+    let all = Fault::all();
+    let names = || all.iter().map(|fault| fault.name()).collect::<Vec<_>>().join(", ");
+    all.iter().find(|fault| fault.name() == name).copied().ok_or_else(|| format!("accepted: {}", names()))
 }
 
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
@@ -62,9 +73,9 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     let scenario: Scenario =
         admittance_host::config::parse(SCENARIO, "paper.toml").map_err(|error| (Exit::Internal, error.to_string()))?;
     let mut session = Session::new(&scenario)?;
-    let mut draw = Draw::new(args.seed);
+    let mut draw = Draw::new(args.seed, if args.only.is_empty() { Fault::all() } else { args.only.clone() });
     let first = draw.touch();
-    let config = session.write("daemon.toml", &touch::config(first.stiffness_n_m)?)?;
+    let config = session.write("daemon.toml", &files::config(first.stiffness_n_m)?)?;
     let findings = session.write("findings.jsonl", "")?;
     session.start(
         "observer",

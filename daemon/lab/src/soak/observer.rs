@@ -1,7 +1,7 @@
 //! The third process of the soak: it sees shared memory and nothing else, joins before any motion,
 //! and notes what must never be seen. Whether a fault explains it is decided elsewhere.
 
-use std::collections::{HashSet, VecDeque};
+use std::collections::VecDeque;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,9 +9,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use ipc_types::services::{self, Access};
-use ipc_types::{CommandSample, IpcSettings, Mode, Motion, Node, Source, StopReason, Subscriber, TruthSample, Verdict};
+use ipc_types::{CommandSample, IpcSettings, Node, Subscriber, TruthSample, Verdict};
 use serde::{Deserialize, Serialize};
 
+use crate::answers::{Bounds, Invariant, Sequence};
 use admittancectl::{Exit, validate};
 
 /// Time between two reads: far below a cycle of the soak.
@@ -34,20 +35,6 @@ pub(crate) struct Args {
     /// Where findings go, as JSON lines.
     #[arg(long)]
     out: PathBuf,
-}
-
-/// What must not be seen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Invariant {
-    /// A stopped arm is held, or moves out of the surface as the motion controller commands.
-    StoppedHolds,
-    /// After a feasible verdict the true force stays below the limit.
-    ForceBelowLimit,
-    /// Sequences grow, and a writer that has been replaced does not come back.
-    SequenceGrows,
-    /// Whoever stops says why.
-    StopIsReported,
 }
 
 /// What was seen.
@@ -79,35 +66,13 @@ pub(crate) enum Finding {
     },
 }
 
-/// A sequence that restarts with its writer.
-#[derive(Debug, Default)]
-struct Sequence {
-    boot_id: u64,
-    last: u64,
-    gone: HashSet<u64>,
-}
-
-impl Sequence {
-    /// Why this number cannot come next.
-    fn check(&mut self, boot_id: u64, sequence: u64) -> Option<String> {
-        if boot_id != self.boot_id {
-            let (before, last) =
-                (std::mem::replace(&mut self.boot_id, boot_id), std::mem::replace(&mut self.last, sequence));
-            self.gone.insert(before);
-            return self.gone.contains(&boot_id).then(|| format!("{boot_id:#x} is back, after {before:#x} at {last}"));
-        }
-        let last = std::mem::replace(&mut self.last, sequence);
-        (sequence <= last).then(|| format!("{sequence} after {last}"))
-    }
-}
-
 /// What is known between samples.
 struct Observer<W> {
     out: W,
     /// Force limit of x and y, N.
     limit: Vec<f64>,
-    /// Outward normal.
-    normal: [f64; 3],
+    /// What is checked of every command.
+    bounds: Bounds,
     /// By how much the plant may be late itself, ns.
     patience: u64,
     commands: Sequence,
@@ -136,19 +101,8 @@ impl<W: Write> Observer<W> {
         if let Some(why) = self.commands.check(command.boot_id, command.sequence) {
             self.broken(Invariant::SequenceGrows, now, format!("command {why}"));
         }
-        let is = |mode: Mode| command.mode == mode.code();
-        if is(Mode::Stopped) && command.motion != Motion::Hold.code() {
-            let outward: f64 = self.normal.iter().zip(&command.twist_command).map(|(n, v)| n * v).sum();
-            if command.source != Source::Retreat.code() || outward < 0.0 {
-                let what = format!(
-                    "Stopped with motion {} from source {}, {outward:.4} m/s out of the surface",
-                    command.motion, command.source
-                );
-                self.broken(Invariant::StoppedHolds, now, what);
-            }
-        }
-        if (is(Mode::Stopped) || is(Mode::Stopping)) && command.stop_reason == StopReason::NONE {
-            self.broken(Invariant::StopIsReported, now, format!("mode {} without a stop reason", command.mode));
+        for (invariant, what) in self.bounds.flaws(command) {
+            self.broken(invariant, now, what);
         }
         if command.verdict == Verdict::Feasible.code() {
             self.feasible.push_back(command.state_sequence);
@@ -221,7 +175,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     let mut observer = Observer {
         out,
         limit: config.contact.force_limit.clone(),
-        normal: config.environment.surface_normal,
+        bounds: Bounds::of(&config),
         patience: (config.control.sampling_time_s * 0.5e9) as u64,
         commands: Sequence::default(),
         truths: Sequence::default(),
@@ -246,13 +200,16 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
 
 #[cfg(test)]
 mod tests {
+    use admittancectl::demo::CONTROLLERS;
+    use ipc_types::{Mode, Motion, StopReason};
+
     use super::*;
 
     fn observer() -> Observer<Vec<u8>> {
         Observer {
             out: Vec::new(),
             limit: vec![200.0, 200.0],
-            normal: [0.0, 1.0, 0.0],
+            bounds: Bounds::of(&admittance_host::config::parse(CONTROLLERS[3].config, "daemon.toml").expect("shipped")),
             patience: 1_000_000,
             commands: Sequence::default(),
             truths: Sequence::default(),
@@ -277,6 +234,7 @@ mod tests {
         let fine = CommandSample {
             boot_id: 1,
             sequence: 1,
+            joint_count: 2,
             mode: Mode::Stopped.code(),
             motion: Motion::Hold.code(),
             stop_reason: StopReason::Infeasible.code(),
@@ -312,22 +270,5 @@ mod tests {
             Invariant::SequenceGrows,
         ];
         assert_eq!(found(&observer), expected);
-    }
-
-    #[test]
-    fn a_retreat_is_no_push() {
-        let mut observer = observer();
-        let retreat = CommandSample {
-            boot_id: 1,
-            sequence: 1,
-            mode: Mode::Stopped.code(),
-            motion: Motion::Offset.code(),
-            source: Source::Retreat.code(),
-            stop_reason: StopReason::Infeasible.code(),
-            twist_command: [0.0, 0.05, 0.0, 0.0, 0.0, 0.0],
-            ..CommandSample::zeroed()
-        };
-        observer.command(&retreat);
-        assert!(found(&observer).is_empty());
     }
 }

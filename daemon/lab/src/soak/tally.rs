@@ -7,7 +7,8 @@ use comfy_table::{CellAlignment, Table, presets};
 use serde_json::{Value, json};
 
 use super::injection::{Fault, Touch};
-use super::observer::{Finding, Invariant};
+use super::observer::Finding;
+use crate::answers::Invariant;
 
 /// Largest part of the soak in which a fault may explain a force above the limit.
 const MOST_IN_WINDOWS: f64 = 0.3;
@@ -158,6 +159,8 @@ impl Tally {
             "by_fault": by_fault,
             "broken": self.broken.iter().map(|(what, how)| json!({ "invariant": what, "how": how })).collect::<Vec<_>>(),
             "losses": self.lost,
+            "kinds": self.by_fault.len(),
+            "kinds_there_are": Fault::all().len(),
             "touches": self.touches,
             "seconds": self.seconds,
             "commands": self.commands,
@@ -191,9 +194,11 @@ impl Tally {
         let lost: String = self.lost.iter().map(|how| format!("\nlost: {how}")).collect();
         let broken: String = self.broken.iter().map(|(what, how)| format!("\n  {what}: {how}")).collect();
         format!(
-            "{table}\n{} touches in {:.0} s, {} commands and {} truth samples seen, {} records in {} recordings\n\
+            "{table}\n{} of {} kinds of fault; {} touches in {:.0} s, {} commands and {} truth samples seen, {} records in {} recordings\n\
              windows of faults: {:.1} % of the time (at most {:.0} %); the machine disturbed {:.1} %; forces above the limit within \
              them: {}{lost}\ninvariants broken: {}{broken}",
+            self.by_fault.len(),
+            Fault::all().len(),
             self.touches,
             self.seconds,
             self.commands,

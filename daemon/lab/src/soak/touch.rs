@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use admittance_host::clock::monotonic_ns;
 use ipc_types::{Mode, Node, RequestKind, Subscriber, TruthSample};
-use toml::{Table, Value};
 
-use super::injection::{CONTACT_S, Fault, PRESSES_S, RETREATS_S, STANDS_S, Touch};
+use super::files::{SETTLE_S, config, scenario};
+use super::injection::{Fault, PRESSES_S, RETREATS_S, Touch};
+use super::outside::Held;
 use super::recording::Recording;
 use super::tally::{Tally, Window};
-use admittancectl::demo::{CONTROLLERS, SCENARIO};
 use admittancectl::session::Session;
 use admittancectl::{Exit, request};
 
@@ -24,16 +24,6 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const RESTART: Duration = Duration::from_millis(40);
 /// After a fault has ended, what is seen may still be its doing, ns.
 pub(crate) const GRACE: u64 = 150_000_000;
-/// T_s in s, and what the daemon has of it for its answer: a busy machine is to disturb few
-/// touches.
-const SAMPLING_TIME_S: f64 = 0.004;
-const ANSWER_BUDGET_S: f64 = 0.002;
-/// Of the plant before its motion, s.
-const SETTLE_S: f64 = 0.3;
-/// The paper's surface, outward.
-const NORMAL: [f64; 2] = [0.422_618_261_740_699_44, 0.906_307_787_036_649_9];
-/// Speed of the retreat that the motion controller commands, m/s.
-const RETREAT_M_S: f64 = 0.1;
 
 type Done<T> = Result<T, (Exit, String)>;
 
@@ -49,67 +39,17 @@ pub(crate) struct Stage {
     memory: Option<u64>,
 }
 
-/// A configuration of the daemon for surfaces of this stiffness, N/m.
-pub(crate) fn config(stiffness: f64) -> Done<String> {
-    let mut table = parsed(CONTROLLERS[3].config)?;
-    let keys = [
-        ("control", "sampling_time_s", SAMPLING_TIME_S),
-        ("control", "command_delay_s", ANSWER_BUDGET_S),
-        ("control", "answer_budget_s", ANSWER_BUDGET_S),
-        ("control", "max_sample_age_s", 4.0 * SAMPLING_TIME_S),
-        ("environment", "normal_stiffness_n_m", stiffness),
-    ];
-    keys.iter().for_each(|(section, key, value)| set(&mut table, section, key, *value));
-    Ok(table.to_string())
-}
-
-/// What the plant plays: the touch, with this going wrong.
-fn scenario(touch: &Touch, fault: Option<Fault>) -> Done<String> {
-    let mut table = parsed(SCENARIO)?;
-    let keys = [
-        ("timing", "sampling_time_s", SAMPLING_TIME_S),
-        ("timing", "command_delay_s", ANSWER_BUDGET_S),
-        ("timing", "settle_s", SETTLE_S),
-        ("start", "contact_time_s", CONTACT_S),
-        ("start", "contact_phase", touch.contact_phase),
-        ("surface", "stiffness_n_m", touch.stiffness_n_m),
-    ];
-    keys.iter().for_each(|(section, key, value)| set(&mut table, section, key, *value));
-    let away = NORMAL.map(|n| n * RETREAT_M_S);
-    let phases = [(PRESSES_S, [0.0, -touch.speed_m_s]), (RETREATS_S, away), (STANDS_S, [0.0, 0.0])];
-    let phase = |(duration, twist): (f64, [f64; 2])| {
-        let twist = Value::Array(twist.map(Value::Float).to_vec());
-        Value::Table(Table::from_iter([("duration_s".to_owned(), duration.into()), ("twist".to_owned(), twist)]))
-    };
-    table.insert("motion".to_owned(), Value::Array(phases.map(phase).to_vec()));
-    if let Some(Fault::Scripted(kind)) = fault {
-        let fault = Table::from_iter([
-            ("at_s".to_owned(), touch.at_s.into()),
-            ("duration_s".to_owned(), touch.duration_s.into()),
-            ("kind".to_owned(), kind.name().into()),
-        ]);
-        table.insert("fault".to_owned(), Value::Array(vec![Value::Table(fault)]));
-    }
-    Ok(table.to_string())
-}
-
-fn parsed(text: &str) -> Done<Table> {
-    text.parse().map_err(|error: toml::de::Error| (Exit::Internal, error.to_string()))
-}
-
-fn set(table: &mut Table, section: &str, key: &str, value: f64) {
-    if let Some(section) = table.get_mut(section).and_then(Value::as_table_mut) {
-        section.insert(key.to_owned(), value.into());
-    }
-}
-
 /// A fault that is under way while a plant runs.
-#[derive(Debug, Default)]
+#[derive(Default)]
 struct UnderWay {
     /// When it began; and when it was over, or began, ns of CLOCK_MONOTONIC.
     since: Option<(Instant, u64)>,
     /// The process goes on, or the next one has been started.
     is_over: bool,
+    /// A daemon that starts has been killed again.
+    is_killed_again: bool,
+    /// What attacks from outside.
+    held: Option<Held>,
     /// When the motion begins, ns of CLOCK_MONOTONIC.
     motion: Option<u64>,
 }
@@ -154,7 +94,7 @@ impl Stage {
         self.write_config(&config(touch.stiffness_n_m)?)?;
         self.signal("daemon", libc::SIGHUP);
         let mut ended = self.run(touch, Some(touch.fault), tally)?;
-        if touch.fault == Fault::PlantKilled {
+        if matches!(touch.fault, Fault::PlantKilled | Fault::PlantTerminated) {
             ended = self.run(touch, None, tally)?;
         }
         match ended {
@@ -183,6 +123,8 @@ impl Stage {
     }
 
     fn write_config(&self, text: &str) -> Done<()> {
+        // It may have been made something else.
+        let _ = std::fs::remove_file(&self.config);
         self.session.write("daemon.toml", text).map(drop)
     }
 
@@ -226,7 +168,7 @@ impl Stage {
                 self.session.forget("plant");
                 return Ok(if status.success() { control } else { Err(failure) });
             }
-            let is_killed = fault == Some(Fault::DaemonKilled);
+            let is_killed = fault.is_some_and(Fault::ends_daemon);
             if let Some(status) = self.session.exit_status("daemon").filter(|_| !is_killed) {
                 return Err(self.session.failure("daemon", status));
             }
@@ -244,45 +186,83 @@ impl Stage {
                 return Ok(());
             }
             now.since = Some((Instant::now(), monotonic_ns()));
-            match fault {
-                Fault::DaemonStopped => self.signal("daemon", libc::SIGSTOP),
-                Fault::DaemonKilled => self.session.forget("daemon"),
-                Fault::PlantStopped => self.signal("plant", libc::SIGSTOP),
-                Fault::PlantKilled => self.signal("plant", libc::SIGKILL),
-                Fault::RecorderKilled => self.session.forget("recorder"),
-                Fault::SecondDaemon => {
-                    let config = self.config.clone();
-                    self.session.start("second", "role-daemon", &[OsStr::new("--config"), config.as_os_str()])?;
-                }
-                Fault::GarbageReloaded => {
-                    self.write_config("control = \"garbage\"\n[[")?;
-                    self.signal("daemon", libc::SIGHUP);
-                }
-                Fault::Scripted(_) => {}
-            }
-            return Ok(());
+            return self.begin(touch, fault, now);
         };
         let lasted = since.elapsed() >= Duration::from_secs_f64(touch.duration_s);
         match fault {
             Fault::DaemonStopped if lasted => self.signal("daemon", libc::SIGCONT),
             Fault::PlantStopped if lasted => self.signal("plant", libc::SIGCONT),
-            Fault::DaemonKilled if since.elapsed() >= RESTART => {
-                (self.touches, self.memory) = (0, None);
-                start_daemon(&mut self.session, &self.config)?;
+            Fault::DaemonKilled if since.elapsed() >= RESTART => self.restart()?,
+            Fault::DaemonKilledAtStart if lasted && !now.is_killed_again => {
+                now.is_killed_again = true;
+                self.session.forget("daemon");
+                return Ok(());
             }
-            Fault::SecondDaemon => match self.session.exit_status("second") {
+            Fault::DaemonKilledAtStart if since.elapsed() >= 2 * RESTART => self.restart()?,
+            Fault::DaemonTerminated => match self.session.exit_status("daemon") {
                 None => return Ok(()),
-                Some(status) if status.code() == Some(i32::from(Exit::Unavailable.code())) => {
-                    self.session.forget("second")
+                Some(status) if status.success() => {
+                    self.session.forget("daemon");
+                    self.restart()?;
                 }
-                Some(status) => return Err(self.session.failure("second", status)),
+                Some(status) => return Err(self.session.failure("daemon", status)),
             },
-            Fault::PlantKilled | Fault::RecorderKilled | Fault::GarbageReloaded | Fault::Scripted(_) => {}
+            Fault::SecondDaemon => {
+                if !second_is_refused(&mut self.session)? {
+                    return Ok(());
+                }
+            }
+            Fault::Outside(_) => {
+                let Some(held) = &mut now.held else { return Ok(()) };
+                let is_done = held.go_on(&mut self.session)?;
+                if !(lasted && is_done) {
+                    return Ok(());
+                }
+                now.held.take().map_or(Ok(()), |held| held.end(&mut self.session))?;
+                self.write_config(&config(touch.stiffness_n_m)?)?;
+            }
+            Fault::PlantKilled
+            | Fault::PlantTerminated
+            | Fault::RecorderKilled
+            | Fault::GarbageReloaded
+            | Fault::Scripted(_) => {}
             _ => return Ok(()),
         }
         now.is_over = true;
         now.since = Some((since, monotonic_ns()));
         Ok(())
+    }
+
+    fn begin(&mut self, touch: &Touch, fault: Fault, now: &mut UnderWay) -> Done<()> {
+        match fault {
+            Fault::DaemonStopped => self.signal("daemon", libc::SIGSTOP),
+            Fault::DaemonKilled => self.session.forget("daemon"),
+            Fault::DaemonKilledAtStart => {
+                self.session.forget("daemon");
+                self.restart()?;
+            }
+            Fault::DaemonTerminated => self.signal("daemon", libc::SIGTERM),
+            Fault::PlantStopped => self.signal("plant", libc::SIGSTOP),
+            Fault::PlantKilled => self.signal("plant", libc::SIGKILL),
+            Fault::PlantTerminated => self.signal("plant", libc::SIGTERM),
+            Fault::RecorderKilled => self.session.forget("recorder"),
+            Fault::SecondDaemon => {
+                let config = self.config.clone();
+                self.session.start("second", "role-daemon", &[OsStr::new("--config"), config.as_os_str()])?;
+            }
+            Fault::GarbageReloaded => {
+                self.write_config("control = \"garbage\"\n[[")?;
+                self.signal("daemon", libc::SIGHUP);
+            }
+            Fault::Outside(kind) => now.held = Some(Held::begin(kind, touch, &self.config, &mut self.session)?),
+            Fault::Scripted(_) => {}
+        }
+        Ok(())
+    }
+
+    fn restart(&mut self) -> Done<()> {
+        (self.touches, self.memory) = (0, None);
+        start_daemon(&mut self.session, &self.config)
     }
 
     /// Whether the daemon controls; if it is stopped, it is reset first, and asked again later.
@@ -293,6 +273,8 @@ impl Stage {
         match Mode::from_code(status.mode) {
             Some(Mode::Free) => Ok(()),
             Some(Mode::Stopped) => Err(format!("{}; {}", status.text(), ask(RequestKind::Reset)?.text())),
+            // Somebody has asked for that.
+            _ if status.enabled == 0 => Err(format!("{}; {}", status.text(), ask(RequestKind::Enable)?.text())),
             _ => Err(status.text().into_owned()),
         }
     }
@@ -320,27 +302,18 @@ impl Stage {
     }
 }
 
-fn start_daemon(session: &mut Session, config: &std::path::Path) -> Done<()> {
-    session.start("daemon", "role-daemon", &[OsStr::new("--config"), config.as_os_str()])
+/// Whether a second process of the instance has ended as it should.
+pub(super) fn second_is_refused(session: &mut Session) -> Done<bool> {
+    match session.exit_status("second") {
+        None => Ok(false),
+        Some(status) if status.code().and_then(Exit::from_code) == Some(Exit::Unavailable) => {
+            session.forget("second");
+            Ok(true)
+        }
+        Some(status) => Err(session.failure("second", status)),
+    }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::super::injection::Draw;
-    use super::*;
-
-    #[test]
-    fn what_is_drawn_are_valid_files() {
-        let mut draw = Draw::new(1);
-        for _ in 0..40 {
-            let touch = draw.touch();
-            let config = config(touch.stiffness_n_m).expect("valid");
-            let config = admittance_host::config::parse(&config, "daemon.toml");
-            let config: admittance_runner::config::Config = config.expect("valid");
-            admittance_runner::cycle::build(&config).expect("a controller");
-            let scenario = scenario(&touch, Some(touch.fault)).expect("valid");
-            let scenario = admittance_host::config::parse(&scenario, "scenario.toml").expect("valid");
-            plant_sim::run::VirtualRun::new(&scenario).expect("a plant");
-        }
-    }
+fn start_daemon(session: &mut Session, config: &std::path::Path) -> Done<()> {
+    session.start("daemon", "role-daemon", &[OsStr::new("--config"), config.as_os_str()])
 }

@@ -9,7 +9,6 @@ mod contact_cycles;
 mod controller;
 mod draw;
 mod ocp;
-mod recordings;
 mod robustness;
 mod single_case;
 mod speed_figure;
@@ -59,16 +58,6 @@ enum What {
         Fallback: a cycle in contact or in a stop without a usable answer, although time does not run out. The same seed gives \
         the same answer, whatever the number of threads. Exit code 1: something was FOUND.")]
     ContactCycles(contact_cycles::Args),
-    /// Damage copies of recordings: none is read as if nothing were.
-    #[command(
-        after_help = "Examples:\n  admittance-lab study recordings --runs 10000 --seed 1 tests/recordings/*.mcap\n  \
-        admittance-lab study recordings --seed 1 --index 17 tests/recordings/*.mcap\n\n\
-        Sixteen of twenty damages are one bit; the others are bytes that are zeroed, overwritten, removed or doubled. One file in \
-        four breaks off besides. Named: refused as damaged, and the place is right. Harmless: read to the last bit of what it \
-        held. In any case what is recovered was in it. The same seed and files give the same answer, whatever the number of \
-        threads. Exit code 1: something was FOUND."
-    )]
-    Recordings(recordings::Args),
     /// Say all about one contact of a verdict study.
     #[command(after_help = "Example:\n  admittance-lab study case --seed 1 --index 42 --save /tmp/case-42")]
     Case(CaseArgs),
@@ -104,7 +93,6 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         What::Verdict(args) => verdict(args),
         What::Robustness(args) => robustness::run(args),
         What::ContactCycles(args) => contact_cycles::run(args),
-        What::Recordings(args) => recordings::run(args),
         What::Case(args) => one_of_them(args),
     }
 }

@@ -12,6 +12,7 @@ use admittance_host::{config_file, config_section};
 mod contact;
 mod control;
 mod environment;
+mod law;
 mod limits;
 mod mpc;
 mod plausibility;
@@ -146,6 +147,7 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     if !config.contact.admittance_axes.contains(&true) {
         errors.push(ConfigError::new("contact.admittance_axes", "all false", "at least one true"));
     }
+    law::check_law(config, errors);
 }
 
 /// What the belief can have of a wrench that comes late.

@@ -1,7 +1,8 @@
-//! `admittance-lab study recordings`: recordings that something has damaged. Each is refused with the
-//! place, or holds what it held; and what is recovered of it was in it.
+//! Recordings that something has damaged. Each is refused with the place, or holds what it held; and
+//! what is recovered of it was in it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use admittancectl::recording::{Item, Recording};
 use admittancectl::{Exit, Outcome, parallel};
@@ -10,24 +11,8 @@ use ipc_types::layout::WireType as _;
 use rand::{Rng, RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-#[derive(Debug, clap::Args)]
-pub(crate) struct Args {
-    /// The recordings to damage copies of, in memory.
-    #[arg(required = true)]
-    files: Vec<PathBuf>,
-    /// Number of damaged recordings.
-    #[arg(long, default_value_t = 10_000, value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
-    runs: u64,
-    /// Seed of the damages.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Only this damage, and all about it.
-    #[arg(long)]
-    index: Option<u64>,
-    /// Threads.
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
-    threads: u16,
-}
+/// Threads.
+const THREADS: usize = 2;
 
 /// A recording as it was written.
 struct Original {
@@ -64,37 +49,50 @@ enum Ending {
     Harmless,
 }
 
-pub(crate) fn run(args: &Args) -> Outcome<Exit> {
-    let originals = args.files.iter().map(original).collect::<Outcome<Vec<Original>>>()?;
-    let range = args.index.map_or(0..args.runs, |index| index..index + 1);
+/// Damages copies of all recordings in a directory. Whether something was found.
+pub(super) fn attack(directory: &Path, runs: u64, seed: u64, index: Option<u64>) -> Outcome<bool> {
+    let begun = Instant::now();
+    let originals = files(directory)?.iter().map(original).collect::<Outcome<Vec<Original>>>()?;
+    let range = index.map_or(0..runs, |index| index..index + 1);
     let first = range.start;
-    let seen = parallel::map(range.end - first, args.threads.into(), "recordings", |turn| {
-        Ok(damage(&originals, args.seed, first + turn))
-    });
+    let seen =
+        parallel::map(range.end - first, THREADS, "recordings", |turn| Ok(damage(&originals, seed, first + turn)));
     let seen = seen.map_err(|why: String| (Exit::Internal, why))?;
+    let mut found = 0;
+    for ((what, result), number) in seen.iter().zip(first..) {
+        if index.is_some() {
+            println!("{what}: {result:?}");
+        }
+        if let Err(why) = result {
+            found += 1;
+            println!("FOUND: admittance-lab hostile recordings --seed {seed} --index {number}\n  {what}: {why}");
+        }
+    }
     let count = |ending| seen.iter().filter(|(_, result)| *result == Ok(ending)).count();
     println!(
-        "{} damaged recordings of seed {}: {} named with their place, {} harmless, {} no recording any more",
+        "recordings of seed {seed}: {} damaged in {:.0} s: {} named with their place, {} harmless, {} no recording any more; \
+         found in {found}",
         seen.len(),
-        args.seed,
+        begun.elapsed().as_secs_f64(),
         count(Ending::Named),
         count(Ending::Harmless),
         count(Ending::Foreign)
     );
-    let mut found = false;
-    for ((what, result), index) in seen.iter().zip(first..) {
-        if args.index.is_some() {
-            println!("{what}: {result:?}");
-        }
-        if let Err(why) = result {
-            found = true;
-            let files: Vec<_> = args.files.iter().map(|file| file.display().to_string()).collect();
-            let command =
-                format!("admittance-lab study recordings --seed {} --index {index} {}", args.seed, files.join(" "));
-            eprintln!("FOUND: {command}\n  {what}: {why}");
-        }
+    Ok(found > 0)
+}
+
+/// The recordings in a directory, in the order of their names.
+fn files(directory: &Path) -> Outcome<Vec<PathBuf>> {
+    let failed = |error: std::io::Error| (Exit::NoInput, format!("{}: {error}", directory.display()));
+    let entries = std::fs::read_dir(directory).map_err(failed)?;
+    let paths = entries.map(|entry| Ok(entry.map_err(failed)?.path())).collect::<Outcome<Vec<PathBuf>>>()?;
+    let mut files: Vec<_> =
+        paths.into_iter().filter(|path| path.extension().is_some_and(|end| end == "mcap")).collect();
+    files.sort();
+    if files.is_empty() {
+        return Err((Exit::NoInput, format!("{}: no recording (*.mcap) in it", directory.display())));
     }
-    Ok(if found { Exit::ClaimNotMet } else { Exit::Ok })
+    Ok(files)
 }
 
 fn original(file: &PathBuf) -> Outcome<Original> {

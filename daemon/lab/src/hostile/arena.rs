@@ -1,0 +1,195 @@
+//! Where attacks take place: a daemon as a process of its own, in a place of its own, and what must
+//! hold of it however it is attacked.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use admittance_runner::config::Config;
+use ipc_types::services::{self, Access};
+use ipc_types::{Client, Node, RequestKind, RequestSample, ResponseSample};
+
+use super::feeds::Feeds;
+use admittancectl::demo::SCENARIO;
+use admittancectl::session::Session;
+use admittancectl::{Exit, Outcome, request};
+
+/// How long anything may take that has to happen, on a machine that is busy with other things.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
+/// Between two looks at something that is awaited.
+pub(crate) const POLL: Duration = Duration::from_millis(2);
+/// How long after the last end somebody else comes.
+const NEXT_ONE: Duration = Duration::from_secs(1);
+/// Tolerance for the kernel's accounting of memory, KiB.
+const SLACK_KIB: u64 = 2048;
+/// Descriptors that may come and go.
+const SLACK_DESCRIPTORS: usize = 4;
+/// Findings that are kept of one case: more of the same say nothing more.
+const MOST: usize = 8;
+
+/// What was found in one case.
+#[derive(Debug, Default)]
+pub(crate) struct Findings(pub(crate) Vec<String>);
+
+impl Findings {
+    pub(crate) fn note(&mut self, what: impl Into<String>) {
+        if self.0.len() < MOST {
+            self.0.push(what.into());
+        }
+    }
+
+    /// Notes what failed.
+    pub(crate) fn take<T>(&mut self, result: Result<T, String>) -> Option<T> {
+        result.map_err(|why| self.note(why)).ok()
+    }
+}
+
+/// What a process holds of the machine.
+#[derive(Debug, Clone, Copy)]
+struct Holdings {
+    resident_kib: u64,
+    descriptors: usize,
+}
+
+/// A daemon under attack.
+pub(crate) struct Arena {
+    pub(crate) session: Session,
+    pub(crate) feeds: Feeds,
+    pub(crate) config_path: PathBuf,
+    holdings: Option<Holdings>,
+}
+
+impl Arena {
+    /// A daemon with this configuration, which serves.
+    pub(crate) fn new(config: &str) -> Outcome<Self> {
+        let scenario = admittance_host::config::parse(SCENARIO, "paper.toml");
+        let session = Session::new(&scenario.map_err(|error| (Exit::Internal, error.to_string()))?)?;
+        let config_path = session.write("daemon.toml", config)?;
+        let feeds = Feeds::listen(&config_path.with_file_name("notify")).map_err(|why| (Exit::Unavailable, why))?;
+        let mut arena = Self { session, feeds, config_path, holdings: None };
+        arena.start_daemon()?;
+        arena.await_service().map_err(|why| (Exit::Unavailable, why))?;
+        Ok(arena)
+    }
+
+    /// Starts the daemon, which another one must not hold up.
+    pub(crate) fn start_daemon(&mut self) -> Outcome<()> {
+        self.holdings = None;
+        let environment = self.feeds.environment();
+        let arguments = [OsStr::new("--config"), self.config_path.as_os_str()];
+        self.session.start_with("daemon", "role-daemon", &arguments, &environment)
+    }
+
+    /// SIGKILL; a case that looks at its log has to do so before.
+    pub(crate) fn kill(&mut self, name: &str) {
+        if name == "daemon" {
+            self.feeds.forget();
+        }
+        self.session.forget(name);
+    }
+
+    pub(crate) fn signal(&mut self, name: &str, signal: i32) {
+        if let Some(child) = self.session.child(name) {
+            // SAFETY: kill takes numbers; the child is not reaped, so that its id is still its own.
+            unsafe { libc::kill(child.id() as libc::pid_t, signal) };
+        }
+    }
+
+    /// A node of the case's own.
+    pub(crate) fn node(&self, name: &str) -> Outcome<Node> {
+        self.session.settings().node(name).map_err(|error| (Exit::Unavailable, error.to_string()))
+    }
+
+    /// A client of the daemon's.
+    pub(crate) fn client(&self, node: &Node) -> Result<Client, String> {
+        let service = services::request(node, &self.session.settings().instance, Access::Open);
+        service.map_err(|error| error.to_string())?.client().map_err(|error| error.to_string())
+    }
+
+    /// Asks, and waits for the answer.
+    pub(crate) fn ask(&self, node: &Node, request: RequestSample) -> Result<ResponseSample, String> {
+        request::ask(node, self.session.settings(), request).map_err(|(_, why)| why)
+    }
+
+    /// Waits until the daemon answers requests.
+    pub(crate) fn await_service(&mut self) -> Result<(), String> {
+        let node = self.node("hostile").map_err(|(_, why)| why)?;
+        let give_up = Instant::now() + PATIENCE;
+        loop {
+            // Where nobody serves there is nothing to wait for.
+            let is_open = services::request(&node, &self.session.settings().instance, Access::Open).is_ok();
+            let answer = if is_open {
+                self.ask(&node, request::request(RequestKind::Status)).map(drop)
+            } else {
+                Err("there is no service".to_owned())
+            };
+            let Err(why) = answer else { return Ok(()) };
+            self.is_alive()?;
+            if Instant::now() > give_up {
+                return Err(format!("the daemon serves nobody: {why}"));
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+
+    /// Why the daemon does not run as it should.
+    pub(crate) fn is_alive(&mut self) -> Result<(), String> {
+        if let Some(status) = self.session.exit_status("daemon") {
+            return Err(self.session.failure("daemon", status).1);
+        }
+        let log = self.session.log("daemon");
+        match log.lines().find(|line| line.contains("panicked") || line.contains("the real-time thread failed")) {
+            Some(line) => Err(format!("the daemon: {line}")),
+            None => Ok(()),
+        }
+    }
+
+    /// Looks whether the daemon holds more than when it was looked at first.
+    pub(crate) fn look_at_holdings(&mut self, findings: &mut Findings) {
+        let Some(now) = self.session.child("daemon").and_then(|child| holdings(child.id())) else { return };
+        let first = *self.holdings.get_or_insert(now);
+        if now.resident_kib > first.resident_kib + SLACK_KIB {
+            findings.note(format!("memory: {} KiB, {} KiB before", now.resident_kib, first.resident_kib));
+        }
+        if now.descriptors > first.descriptors + SLACK_DESCRIPTORS {
+            findings.note(format!("descriptors: {}, {} before", now.descriptors, first.descriptors));
+        }
+    }
+
+    /// Ends everything in order. What is left then, and what came too late meanwhile, is noted. All
+    /// ports of the case have to be dropped before.
+    pub(crate) fn end(mut self, findings: &mut Findings) {
+        findings.take(self.is_alive());
+        // A flood has no end of its own.
+        self.kill("flood");
+        for name in ["recorder", "plant", "daemon"] {
+            findings.take(self.session.end(name).map_err(|(_, why)| why));
+        }
+        self.feeds.end().into_iter().for_each(|why| findings.note(why));
+        let left = || ipc_types::shared_memory_files(&self.session.settings().prefix);
+        // What was killed while it made a node is not known to be dead at once: the next one who comes
+        // clears it up.
+        if left().is_ok_and(|files| !files.is_empty()) {
+            std::thread::sleep(NEXT_ONE);
+            findings.take(self.node("hostile").map(drop).map_err(|(_, why)| why));
+        }
+        match left() {
+            Ok(files) if files.is_empty() => {}
+            Ok(files) => findings.note(format!("left in shared memory: {} files, {:?} first", files.len(), files[0])),
+            Err(error) => findings.note(error.to_string()),
+        }
+    }
+}
+
+/// A text as a checked configuration.
+pub(crate) fn parsed(text: &str) -> Outcome<Config> {
+    admittance_host::config::parse(text, "daemon.toml").map_err(|error| (Exit::Internal, error.to_string()))
+}
+
+fn holdings(process: u32) -> Option<Holdings> {
+    let directory = Path::new("/proc").join(process.to_string());
+    let status = std::fs::read_to_string(directory.join("status")).ok()?;
+    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.split_whitespace().next()?.parse().ok());
+    let descriptors = std::fs::read_dir(directory.join("fd")).ok()?.count();
+    Some(Holdings { resident_kib: resident?, descriptors })
+}
