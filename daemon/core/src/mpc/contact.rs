@@ -22,6 +22,8 @@ const SETTLING: f64 = 100.0;
 /// Part of the joints' speed that has to be left for all of it: with less the weight goes down to R
 /// steadily, so that an arm that slides along its limits does not jump from one law to the other.
 const ENOUGH_SPEED: f64 = 0.05;
+/// Part of the force limit that has to be left likewise.
+const ENOUGH_FORCE: f64 = 0.5;
 /// In how many times the lag of the speed loops and a cycle the force then settles.
 const SETTLING_LAGS: f64 = 3.0;
 
@@ -119,7 +121,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let wanted = situation.joint_velocity(&(sliding + settling + lead));
         let used = |most: &SVector<f64, N>| wanted.zip_map(most, |speed, most| speed.abs() / most).max();
         let left = settings.limits.joint_speed.as_ref().map_or(1.0, |most| 1.0 - used(most));
-        let calm = if is_soft && demand.settles { (left / ENOUGH_SPEED).clamp(0.0, 1.0) } else { 0.0 };
+        // Near its limit the force comes down as fast as it can: held there by the bound alone it
+        // would meet what the linear model leaves out.
+        let spare = |bound: &AxisBound| 1.0 - situation.spring_force(bound.axis, bound.sign) / bound.maximum;
+        let spare = bounds.as_slice().iter().map(spare).fold(1.0, f64::min);
+        let calm = (left / ENOUGH_SPEED).clamp(0.0, 1.0) * (spare / ENOUGH_FORCE).clamp(0.0, 1.0);
+        let calm = if is_soft && demand.settles { calm } else { 0.0 };
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
             let excess = -surface.outward_speed(&sample.twist_reference) - demand.inward_speed;
