@@ -4,10 +4,10 @@
 use std::cell::{Cell, RefCell};
 use std::fmt::{self, Display, Formatter};
 use std::io::Write;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::Arc;
+use std::panic::{self, AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
+use std::sync::{Arc, Once};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -29,6 +29,8 @@ const DELAYED_NS: u64 = 4_000_000;
 thread_local! {
     /// What the run on this thread has noted itself.
     static NOTED: RefCell<Option<String>> = const { RefCell::new(None) };
+    /// Where this thread panicked last.
+    static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
     /// The run on this thread checks what no machine excuses.
     static CERTAIN: Cell<bool> = const { Cell::new(false) };
 }
@@ -140,6 +142,27 @@ fn watch(cpu: Option<u32>, ready: Sender<()>, latest: &Latest) {
     }
 }
 
+/// A run that failed.
+#[derive(Debug, Clone)]
+struct Failed {
+    /// Where it panicked.
+    place: String,
+    /// How the machine disturbed it.
+    disturbance: Option<Disturbance>,
+}
+
+/// From now on [`PLACE`] is kept.
+fn keep_places() {
+    static KEPT: Once = Once::new();
+    KEPT.call_once(|| {
+        let before = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            PLACE.set(info.location().map(ToString::to_string).unwrap_or_default());
+            before(info);
+        }));
+    });
+}
+
 /// What follows from failed runs.
 #[derive(Debug, PartialEq, Eq)]
 enum Verdict {
@@ -149,11 +172,15 @@ enum Verdict {
 }
 
 impl Verdict {
-    /// Of all runs so far, each of which failed, and how the machine disturbed it.
-    fn of(runs: &[Option<Disturbance>]) -> Self {
-        match runs.last() {
-            Some(Some(_)) if runs.len() < TRIES => Self::Again,
-            Some(Some(_)) if runs.iter().flatten().all(|disturbance| disturbance.is_hopeless) => Self::Skip,
+    /// Of all runs so far, each of which failed.
+    fn of(runs: &[Failed]) -> Self {
+        let alike = |run: &Failed| runs.iter().filter(|other| other.place == run.place).count();
+        match runs.last().and_then(|run| run.disturbance.as_ref()) {
+            Some(_) if runs.len() < TRIES => Self::Again,
+            // A machine spoils a run here and a run there. What fails at the same place in most
+            // of them does so because it is broken.
+            Some(_) if runs.iter().any(|run| alike(run) > TRIES / 2) => Self::Fail,
+            Some(_) if runs.iter().flat_map(|run| &run.disturbance).all(|it| it.is_hopeless) => Self::Skip,
             _ => Self::Fail,
         }
     }
@@ -168,11 +195,13 @@ fn say(text: &str) {
 
 /// Runs a test in real time; when it fails, and a witness saw that the machine disturbed it, once
 /// more. A run that fails undisturbed fails the test, and so does the tenth that fails. `None`, and
-/// SKIPPED is said, only when the machine took a processor away for a cycle or longer in all ten.
+/// SKIPPED is said, only when the machine took a processor away for a cycle or longer in all ten,
+/// and no more than half of them failed at the same place.
 ///
 /// # Panics
 /// As the last run does.
 pub fn undisturbed<T>(mut run: impl FnMut() -> T) -> Option<T> {
+    keep_places();
     let mut runs = Vec::new();
     loop {
         NOTED.set(None);
@@ -185,8 +214,8 @@ pub fn undisturbed<T>(mut run: impl FnMut() -> T) -> Option<T> {
             Err(failure) if CERTAIN.get() => resume_unwind(failure),
             Err(failure) => failure,
         };
-        runs.push(disturbance);
-        if let Some(Some(disturbance)) = runs.last() {
+        runs.push(Failed { place: PLACE.take(), disturbance });
+        if let Some(disturbance) = runs.last().and_then(|run| run.disturbance.as_ref()) {
             say(&format!("run {} failed, and {disturbance}", runs.len()));
         }
         match Verdict::of(&runs) {
@@ -202,6 +231,8 @@ pub fn undisturbed<T>(mut run: impl FnMut() -> T) -> Option<T> {
 
 #[cfg(test)]
 mod tests {
+    use std::slice;
+
     use super::*;
 
     /// Takes processor 0 away from everything below priority 98.
@@ -250,14 +281,36 @@ mod tests {
     }
 
     #[test]
+    fn what_fails_at_the_same_place_in_every_run_fails() {
+        if !crate::needs(crate::Need::Root) {
+            return;
+        }
+        let mut runs = 0;
+        let result = catch_unwind(AssertUnwindSafe(|| {
+            undisturbed(|| {
+                runs += 1;
+                take_processor(Duration::from_millis(20));
+                assert!(runs == 0, "in run {runs}");
+            })
+        }));
+        assert!(result.is_err() && runs == TRIES, "{runs} runs");
+    }
+
+    #[test]
     fn what_always_fails_is_skipped_only_where_nothing_could_pass() {
-        let run = |is_hopeless| Some(Disturbance { text: String::new(), is_hopeless });
-        assert_eq!(Verdict::of(&[None]), Verdict::Fail);
-        assert_eq!(Verdict::of(&[run(true)]), Verdict::Again);
-        assert_eq!(Verdict::of(&[run(true), None]), Verdict::Fail);
-        assert_eq!(Verdict::of(&vec![run(true); TRIES]), Verdict::Skip);
-        let mut runs = vec![run(true); TRIES];
-        runs[3] = run(false);
+        let failed = |place: &str, disturbance| Failed { place: place.to_owned(), disturbance };
+        let disturbed = |place, is_hopeless| failed(place, Some(Disturbance { text: String::new(), is_hopeless }));
+        let calm = failed("here", None);
+        assert_eq!(Verdict::of(slice::from_ref(&calm)), Verdict::Fail);
+        assert_eq!(Verdict::of(&[disturbed("here", true)]), Verdict::Again);
+        assert_eq!(Verdict::of(&[disturbed("here", true), calm]), Verdict::Fail);
+        let half = |place| vec![disturbed(place, true); TRIES / 2];
+        let mut runs = [half("here"), half("there")].concat();
+        assert_eq!(Verdict::of(&runs), Verdict::Skip);
+        runs[0] = disturbed("there", true);
+        assert_eq!(Verdict::of(&runs), Verdict::Fail);
+        let mut runs = [half("here"), half("there")].concat();
+        runs[0] = disturbed("here", false);
         assert_eq!(Verdict::of(&runs), Verdict::Fail);
     }
 }

@@ -114,7 +114,8 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     }
     Ok(match tally.is_clean() {
         true => Exit::Ok,
-        false if tally.disturbed() > BUSY => Exit::MachineBusy,
+        // A busy machine may cost control. What is broken is not its doing.
+        false if !tally.is_broken() && tally.disturbed() > BUSY => Exit::MachineBusy,
         false => Exit::ClaimNotMet,
     })
 }

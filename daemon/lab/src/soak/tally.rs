@@ -129,9 +129,14 @@ impl Tally {
         self.share(&self.disturbed)
     }
 
+    /// Whether an invariant was broken.
+    pub(crate) fn is_broken(&self) -> bool {
+        !self.broken.is_empty()
+    }
+
     /// Whether nothing was broken and every fault survived.
     pub(crate) fn is_clean(&self) -> bool {
-        self.broken.is_empty() && self.sum(|count| count.survived) == self.sum(|count| count.injected)
+        !self.is_broken() && self.sum(|count| count.survived) == self.sum(|count| count.injected)
     }
 
     pub(crate) fn json(&self) -> Value {
