@@ -7,7 +7,7 @@ use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
 use super::qp::QpSolver;
-use super::{Demand, InputSelection, LowerBound, Mpc, Situation, Solution, Verdict};
+use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
 
 /// The price of a force below f_min. At rest nothing pulls the force there; after an impact the
@@ -24,6 +24,13 @@ const SETTLING: f64 = 100.0;
 const ENOUGH_SPEED: f64 = 0.05;
 /// Part of the force limit that has to be left likewise.
 const ENOUGH_FORCE: f64 = 0.5;
+/// What the present turning of the arm counts in an impact, beside that of the slide to come: q̇ goes
+/// from one to the other with T_V, and the force peaks after about as long.
+const AT_FIRST: f64 = 0.4;
+/// Largest speed in m/s that a turning arm has: near a singular pose it grows without bound.
+const MOST_DRIFT: f64 = 0.1;
+/// How far below the limit a plan stays where it can, relative to how far above it may be.
+const ROOM: f64 = 2.0;
 /// In how many times the lag of the speed loops and a cycle the force then settles.
 const SETTLING_LAGS: f64 = 3.0;
 
@@ -36,19 +43,30 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         demand: &Demand<D>,
         expired: &mut dyn FnMut() -> bool,
     ) -> Solution<&Plan<D>> {
-        let tolerance = self.settings.options.limit_tolerance;
-        let first = self.press_within(0.0, situation, demand, expired);
-        let solution = match &first {
-            Solution::Infeasible { verdict: Verdict::Infeasible { axis, shortfall, .. }, iterations }
-                if *shortfall <= tolerance * self.settings.options.force_limit[*axis] =>
-            {
-                let second = self.press_within(tolerance, situation, demand, expired);
-                // Without a second solution the first one stands.
-                let is_answer = matches!(second, Solution::Planned { .. } | Solution::Infeasible { .. });
-                if is_answer { second.after(*iterations) } else { first }
+        let Options { limit_tolerance: tolerance, force_limit, .. } = self.settings.options;
+        // A plan that rides on the limit would miss it by what the linear model leaves out.
+        let levels = [-ROOM * tolerance, 0.0, tolerance];
+        let mut level = levels[0];
+        let mut solution = self.press_within(level, situation, demand, expired);
+        for next in levels {
+            let Solution::Infeasible { verdict: Verdict::Infeasible { axis, shortfall, .. }, iterations } = solution
+            else {
+                break;
+            };
+            if next > level && shortfall <= (next - level) * force_limit[axis] {
+                let wider = self.press_within(next, situation, demand, expired);
+                let is_answer = matches!(wider, Solution::Planned { .. } | Solution::Infeasible { .. });
+                // Without another solution the one before stands, if it is about the limit itself.
+                if is_answer || level < 0.0 {
+                    (level, solution) = (next, wider.after(iterations));
+                } else {
+                    break;
+                }
             }
-            _ => first,
-        };
+        }
+        if let Solution::Planned { verdict, .. } | Solution::Infeasible { verdict, .. } = &mut solution {
+            verdict.count_from(level.min(0.0), &force_limit);
+        }
         solution.with(&self.plan)
     }
 
@@ -137,7 +155,15 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             let way = (&(sample.twist_reference + output.offset()), &(sample.twist_reference + slowing));
             constraints.bound_inward_speed(demand.inward_speed, &surface.normal, known_twist, way, options.steps());
         }
-        let drift = situation.joint_velocity(&lead);
+        let drift = if is_soft && !demand.settles {
+            // Until it is halted the arm turns as it does now, and more and more as it will slide.
+            let [now, later] = [situation.joints.velocity, situation.joint_velocity(&sliding)]
+                .map(|joint_velocity| situation.normal_lead(&settings, &joint_velocity).clamp(-MOST_DRIFT, MOST_DRIFT));
+            surface.normal * (AT_FIRST * now + (1.0 - AT_FIRST) * later)
+        } else {
+            lead
+        };
+        let drift = situation.joint_velocity(&drift);
         known_reference.iter_mut().for_each(|reference| *reference -= drift);
         let prediction = Prediction {
             initial: start.state,
