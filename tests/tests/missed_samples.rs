@@ -160,6 +160,24 @@ fn a_pause_in_contact_is_no_wrong_rate() {
 }
 
 #[test]
+fn a_stamp_that_is_a_cycle_late_in_contact_is_no_wrong_rate() {
+    undisturbed(|| {
+        let cell = Cell::new(&[]);
+        // One, and two of which the spacings meet.
+        let at = [0.2, 0.4, 0.408].map(|after| ("late_stamp", CONTACT_S + after, 0.004));
+        let (truths, status, _) = cell.run(&at);
+        let log = cell.log();
+        assert!(!["RateMismatch", "sampling_time_s", "Stop"].iter().any(|word| log.contains(word)), "{log}");
+        // The sample after it has the same stamp, and is refused: the last plan bridges it.
+        let said = (&status["mode"], &status["missed_count"], &status["rejected_count"]);
+        assert_eq!(said, (&"Contact".into(), &0.into(), &at.len().into()), "{log}");
+        assert!(peak(&truths) <= LIMIT_N, "{} N", peak(&truths));
+        let last = until(&truths, MOTION_S).last().expect("a run");
+        assert_eq!((last.in_contact, last.motion), (1, Motion::Offset.code()), "{log}");
+    });
+}
+
+#[test]
 fn a_sequence_that_jumps_is_said_and_nothing_else() {
     undisturbed(|| {
         let cell = Cell::new(&[]);
