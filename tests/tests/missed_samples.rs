@@ -163,8 +163,8 @@ fn a_pause_in_contact_is_no_wrong_rate() {
 fn a_stamp_that_is_a_cycle_late_in_contact_is_no_wrong_rate() {
     undisturbed(|| {
         let cell = Cell::new(&[]);
-        // One, and two of which the spacings meet.
-        let at = [0.2, 0.4, 0.408].map(|after| ("late_stamp", CONTACT_S + after, 0.004));
+        // Some, one of which comes soon after another.
+        let at = [0.2, 0.24, 0.28, 0.32, 0.4, 0.408].map(|after| ("late_stamp", CONTACT_S + after, 0.004));
         let (truths, status, _) = cell.run(&at);
         let log = cell.log();
         assert!(!["RateMismatch", "sampling_time_s", "Stop"].iter().any(|word| log.contains(word)), "{log}");
