@@ -118,6 +118,8 @@ fn an_arm_of_which_one_sample_in_thirteen_is_seen_does_not_touch() {
         assert!(log.contains("Idle: SamplesMissed, 12 state samples before this one were missed"), "{log}");
         assert_eq!((&status["mode"], &status["stop_reason"]), (&"Idle".into(), &"SamplesMissed".into()), "{text}");
         assert!(status["missed_count"].as_u64().is_some_and(|missed| missed > 250), "{status}");
+        assert!(status["missed_lately"].as_u64().is_some_and(|missed| (90..=100).contains(&missed)), "{status}");
+        assert!(text.contains(" ms old, 9"), "{text}");
         assert!(text.contains("Idle (SamplesMissed), holding, 12 state samples"), "{text}");
     });
 }
@@ -197,6 +199,7 @@ fn a_sequence_left_at_zero_is_in_log_and_status() {
     let _plant = Child::spawn(&mut plant_command(&cell.ipc, &scenario));
     wait_for_log(&mut cell.daemon, "sample not used: sequence = 0: the motion controller must number its samples");
     let (text, status) = (cell.ask(&["status"]), cell.status());
+    assert!(status.get("sample_age_ns").is_none() && text.contains("last sample       none yet"), "{status}");
     assert!(text.starts_with("Idle, sequence = 0: the motion controller must number its samples, from 1"), "{text}");
     assert!(status["rejected_count"].as_u64().is_some_and(|rejected| rejected > 0), "{status}");
     assert_eq!((&status["mode"], &status["cycles"]), (&"Idle".into(), &0.into()), "{status}");
