@@ -8,6 +8,7 @@ use ipc_types::{
     DiagnosticsSample, Fault, Instance, Mode, Node, Publisher, QUANTILES, RecordKind, RecordSample, Source, TASK_AXES,
 };
 
+use crate::channel::CycleRecord;
 use admittance_runner::config::Config;
 
 /// Between two samples in ns.
@@ -117,7 +118,7 @@ impl Diagnostics {
     }
 
     /// Takes a cycle in. A silence is none, nor is a sample that cannot be answered.
-    pub(crate) fn cycle(&mut self, record: &RecordSample) {
+    pub(crate) fn cycle(&mut self, CycleRecord { sample: record, report }: &CycleRecord) {
         let command = &record.command;
         if record.kind != RecordKind::Sample.code() || command.state_sequence == 0 {
             return;
@@ -132,6 +133,8 @@ impl Diagnostics {
         self.compute.add(record.compute_time_ns);
         self.answer.add(record.answer_time_ns);
         self.sample.wrench = record.wrench;
+        self.sample.state_stamp_ns = record.state.stamp_ns;
+        self.sample.missed_lately = report.arrival.map_or(0, |arrival| arrival.missed_lately.into());
         let controls = [Mode::Contact, Mode::Stopping].map(Mode::code).contains(&command.mode);
         let stands_in = [Source::Plan, Source::Retreat].map(Source::code).contains(&command.source);
         self.sample.solver_failures += u64::from(controls && stands_in && record.expired_at == 0);

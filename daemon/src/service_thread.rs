@@ -138,7 +138,7 @@ impl ServiceThread {
             // and reported.
             let is_sample = record.sample.kind == RecordKind::Sample.code();
             if is_sample || (is_cycle && record.sample.command.state_sequence > 0) {
-                self.diagnostics.cycle(&record.sample);
+                self.diagnostics.cycle(&record);
                 self.free.cycle(&record.sample);
                 self.log.cycle(&record);
                 self.last = Some(record);

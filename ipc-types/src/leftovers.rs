@@ -20,7 +20,7 @@ use iceoryx2::service::internal::ServiceInternal as _;
 use iceoryx2::service::service_hash::ServiceHash;
 
 use crate::errors::{Classify, Kind};
-use crate::place::open_root;
+use crate::place::{effective_user, open_root};
 use crate::removal::{SHARED_MEMORY, carries, shared_memory_files};
 use crate::{IpcSettings, Node};
 
@@ -119,9 +119,15 @@ pub(crate) fn clear_if_deserted(settings: &IpcSettings, config: &Config) {
 pub(crate) fn clear_deserted(settings: &IpcSettings, config: &Config) {
     if is_deserted(settings, config) {
         // What cannot be removed is met again, and named, by who is in need of it.
-        left(settings).iter().for_each(|path| drop(std::fs::remove_file(path)));
+        left(settings).iter().filter(|path| is_own(path)).for_each(|path| drop(std::fs::remove_file(path)));
         node_directories(settings).iter().for_each(|path| drop(std::fs::remove_dir(path)));
     }
+}
+
+/// Whether this user made it: a stranger's file is never removed, but named by who meets it, even by
+/// root, who could.
+fn is_own(path: &Path) -> bool {
+    std::fs::symlink_metadata(path).is_ok_and(|found| found.uid() == effective_user())
 }
 
 fn is_deserted(settings: &IpcSettings, config: &Config) -> bool {
@@ -146,7 +152,8 @@ fn is_deserted(settings: &IpcSettings, config: &Config) -> bool {
 pub(crate) fn remove_half_made_memory(prefix: &str) {
     let files = shared_memory_files(prefix).unwrap_or_default();
     let is_half_made = |path: &PathBuf| {
-        std::fs::symlink_metadata(path).is_ok_and(|found| found.mode() & 0o777 == BEING_MADE) && !is_open(path)
+        let is_being_made = |found: Metadata| found.mode() & 0o777 == BEING_MADE;
+        is_own(path) && std::fs::symlink_metadata(path).is_ok_and(is_being_made) && !is_open(path)
     };
     // What cannot be removed is met again, and named.
     files.iter().filter(|path| is_half_made(path)).for_each(|path| drop(std::fs::remove_file(path)));

@@ -20,6 +20,8 @@ config_enum! {
         Unnotified = "unnotified",
         /// Each cycle lasts 5 ms longer than it should; no sample is lost.
         Overrun = "overrun",
+        /// The stamp of the first sample is one cycle late; the next ones are on schedule again.
+        LateStamp = "late_stamp",
         /// The sequence is left at 0.
         Unnumbered = "unnumbered",
         /// The sequence jumps ahead by a million at the first sample, and goes on from there.
@@ -130,11 +132,12 @@ impl Faults {
         self.active(FaultKind::Freeze, index) || self.0.iter().any(is_late)
     }
 
-    /// Falsifies the sample with this index; whether and when it is published, and what happens to
+    /// Falsifies the sample with this index, of a controller with this cycle; whether and when it is published, and what happens to
     /// commands, is handled elsewhere.
-    pub fn falsify(&self, sample: &mut StateSample, index: i64) {
+    pub fn falsify(&self, sample: &mut StateSample, index: i64, sampling_time_ns: u64) {
         for fault in self.0.iter().filter(|fault| (fault.first..fault.end).contains(&index)) {
             match fault.kind {
+                FaultKind::LateStamp if index == fault.first => sample.stamp_ns += sampling_time_ns,
                 FaultKind::Unnumbered => sample.sequence = 0,
                 FaultKind::Stale => sample.stamp_ns = sample.stamp_ns.saturating_sub(OFF_NS),
                 FaultKind::FromFuture => sample.stamp_ns = sample.stamp_ns.saturating_add(OFF_NS),
@@ -159,7 +162,7 @@ impl Faults {
                 }
                 FaultKind::DrivesDisabled => sample.drives_enabled = 0,
                 FaultKind::JointCount => sample.joint_count += 1,
-                FaultKind::Drop | FaultKind::Freeze | FaultKind::Late | FaultKind::Sparse => {}
+                FaultKind::Drop | FaultKind::Freeze | FaultKind::Late | FaultKind::Sparse | FaultKind::LateStamp => {}
                 FaultKind::Unnotified | FaultKind::Overrun | FaultKind::SequenceJump | FaultKind::CommandLoss => {}
             }
         }
@@ -183,7 +186,7 @@ mod tests {
         let at = |index| {
             let mut sample =
                 StateSample { joint_count: 2, wrench_valid: 1, drives_enabled: 1, ..StateSample::zeroed() };
-            faults.falsify(&mut sample, index);
+            faults.falsify(&mut sample, index, 4_000_000);
             (sample.wrench[SPOILED].is_nan(), sample.joint_count, sample.drives_enabled)
         };
         assert_eq!(at(-3), (false, 2, 1));
@@ -213,6 +216,17 @@ mod tests {
     }
 
     #[test]
+    fn one_stamp_is_late_by_a_cycle() {
+        let faults = Faults::new(vec![Fault { kind: FaultKind::LateStamp, first: 4, end: 7 }]);
+        let stamp = |index| {
+            let mut sample = StateSample { stamp_ns: 100, ..StateSample::zeroed() };
+            faults.falsify(&mut sample, index, 40);
+            sample.stamp_ns
+        };
+        assert_eq!([3, 4, 5, 6].map(stamp), [100, 140, 100, 100]);
+    }
+
+    #[test]
     fn each_kind_spoils_its_own_field_and_nothing_else() {
         let sound = StateSample {
             sequence: 10,
@@ -225,7 +239,7 @@ mod tests {
         };
         for kind in FaultKind::ALL {
             let mut sample = sound;
-            Faults::new(vec![Fault { kind: *kind, first: 0, end: 1 }]).falsify(&mut sample, 0);
+            Faults::new(vec![Fault { kind: *kind, first: 0, end: 1 }]).falsify(&mut sample, 0, 4_000_000);
             let (json, before) = (sample.to_json(), sound.to_json());
             let fields = json.as_object().expect("an object");
             let spoiled: Vec<&str> = fields
@@ -238,7 +252,7 @@ mod tests {
                     &[]
                 }
                 "unnumbered" => &["sequence"],
-                "stale" | "from_future" => &["stamp_ns"],
+                "stale" | "from_future" | "late_stamp" => &["stamp_ns"],
                 "out_of_order" => &["sequence"],
                 "position_jump" => &["joint_position"],
                 "wrench_invalid" => &["wrench", "wrench_valid"],

@@ -25,4 +25,4 @@ pub use needs::{ICEORYX2_PYTHON_VERSION, MCAP_PYTHON_VERSION, Need, needs, pytho
 pub use private_ipc::PrivateIpc;
 pub use stepped_clock::SteppedClock;
 pub use systemd::Systemd;
-pub use terminal::{Terminal, screen};
+pub use terminal::{Terminal, screen, take_terminal};

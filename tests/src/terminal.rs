@@ -63,7 +63,10 @@ pub fn screen(child: &Child) -> (String, bool) {
 }
 
 /// In the child, before exec: a session of its own, with its stdin as the controlling terminal.
-pub(crate) fn take_terminal() -> std::io::Result<()> {
+///
+/// # Errors
+/// Where there is none to take.
+pub fn take_terminal() -> std::io::Result<()> {
     // SAFETY: setsid takes nothing and touches no memory.
     if unsafe { libc::setsid() } < 0 {
         return Err(std::io::Error::last_os_error());

@@ -1,6 +1,6 @@
 //! Recordings of which a bit has flipped, or that were torn: `replay` and `report` name the place, and
 //! `--recover` goes on with the rest. What a length says is not believed: memory is limited here.
-//! `admittance-lab study recordings` does this many thousand times, in one process.
+//! `admittance-lab hostile recordings` does this many thousand times, in one process.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

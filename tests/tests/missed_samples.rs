@@ -118,6 +118,8 @@ fn an_arm_of_which_one_sample_in_thirteen_is_seen_does_not_touch() {
         assert!(log.contains("Idle: SamplesMissed, 12 state samples before this one were missed"), "{log}");
         assert_eq!((&status["mode"], &status["stop_reason"]), (&"Idle".into(), &"SamplesMissed".into()), "{text}");
         assert!(status["missed_count"].as_u64().is_some_and(|missed| missed > 250), "{status}");
+        assert!(status["missed_lately"].as_u64().is_some_and(|missed| (90..=100).contains(&missed)), "{status}");
+        assert!(text.contains(" ms old, 9"), "{text}");
         assert!(text.contains("Idle (SamplesMissed), holding, 12 state samples"), "{text}");
     });
 }
@@ -160,6 +162,24 @@ fn a_pause_in_contact_is_no_wrong_rate() {
 }
 
 #[test]
+fn a_stamp_that_is_a_cycle_late_in_contact_is_no_wrong_rate() {
+    undisturbed(|| {
+        let cell = Cell::new(&[]);
+        // Some, one of which comes soon after another.
+        let at = [0.2, 0.24, 0.28, 0.32, 0.4, 0.408].map(|after| ("late_stamp", CONTACT_S + after, 0.004));
+        let (truths, status, _) = cell.run(&at);
+        let log = cell.log();
+        assert!(!["RateMismatch", "sampling_time_s", "Stop"].iter().any(|word| log.contains(word)), "{log}");
+        // The sample after it has the same stamp, and is refused: the last plan bridges it.
+        let said = (&status["mode"], &status["missed_count"], &status["rejected_count"]);
+        assert_eq!(said, (&"Contact".into(), &0.into(), &at.len().into()), "{log}");
+        assert!(peak(&truths) <= LIMIT_N, "{} N", peak(&truths));
+        let last = until(&truths, MOTION_S).last().expect("a run");
+        assert_eq!((last.in_contact, last.motion), (1, Motion::Offset.code()), "{log}");
+    });
+}
+
+#[test]
 fn a_sequence_that_jumps_is_said_and_nothing_else() {
     undisturbed(|| {
         let cell = Cell::new(&[]);
@@ -179,6 +199,7 @@ fn a_sequence_left_at_zero_is_in_log_and_status() {
     let _plant = Child::spawn(&mut plant_command(&cell.ipc, &scenario));
     wait_for_log(&mut cell.daemon, "sample not used: sequence = 0: the motion controller must number its samples");
     let (text, status) = (cell.ask(&["status"]), cell.status());
+    assert!(status.get("sample_age_ns").is_none() && text.contains("last sample       none yet"), "{status}");
     assert!(text.starts_with("Idle, sequence = 0: the motion controller must number its samples, from 1"), "{text}");
     assert!(status["rejected_count"].as_u64().is_some_and(|rejected| rejected > 0), "{status}");
     assert_eq!((&status["mode"], &status["cycles"]), (&"Idle".into(), &0.into()), "{status}");

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::OpenOptionsExt;
-use std::os::unix::process::ExitStatusExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -14,7 +14,7 @@ use admittance_host::clock::monotonic_ns;
 use end_to_end::session::{
     MPC_PAPER, PAPER_SCENARIO, ctl_command, daemon_command, output, plant_command, start_daemon, wait_for_log, write,
 };
-use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, needs, wait_until};
+use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, needs, take_terminal, wait_until};
 use ipc_types::services::{self, Access};
 use ipc_types::{StateSample, VirtualPlant as _};
 use plant_sim::run::VirtualRun;
@@ -152,12 +152,26 @@ fn terminal() -> (File, File) {
     (master, slave)
 }
 
-/// Runs a program on a terminal that goes once the program has drawn something. No signal tells of
-/// it: it is not the program's controlling terminal. `None` when the program has to be killed.
-fn on_a_terminal_that_goes(command: &mut Command) -> Option<ExitStatus> {
+/// Processor time of a process so far, s.
+fn processor_time(process: u32) -> f64 {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).expect("it runs");
+    // Fields 14 and 15 of proc(5), counted from after the name, which ends field 2.
+    let fields = stat.rsplit(')').next().expect("a name").split_whitespace().skip(11).take(2);
+    let ticks: f64 = fields.map(|field| field.parse::<f64>().expect("a number")).sum();
+    // SAFETY: it takes a number and touches no memory.
+    ticks / unsafe { libc::sysconf(libc::_SC_CLK_TCK) } as f64
+}
+
+/// Runs a program on a terminal that goes once the program has drawn something. Where it is the
+/// program's controlling terminal SIGHUP tells of that, else nothing does. `None` when the program
+/// has to be killed.
+fn on_a_terminal_that_goes(command: &mut Command, is_controlling: bool) -> Option<ExitStatus> {
     let (mut master, slave) = terminal();
     let end = || Stdio::from(slave.try_clone().expect("a descriptor is left"));
-    let mut child = command.stdin(end()).stdout(end()).stderr(end()).env("TERM", "xterm").spawn().expect("it starts");
+    command.stdin(end()).stdout(end()).stderr(end()).env("TERM", "xterm");
+    // SAFETY: between fork and exec only async-signal-safe calls are made and nothing is allocated.
+    unsafe { command.pre_exec(move || if is_controlling { take_terminal() } else { Ok(()) }) };
+    let mut child = command.spawn().expect("it starts");
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     drop(slave);
     let mut drawn = [0; 4096];
@@ -184,11 +198,19 @@ fn top_ends_with_its_terminal() {
     let ipc = PrivateIpc::new("planar");
     let config = write(&ipc, "daemon.toml", MPC_PAPER);
     let mut daemon = start_daemon(&ipc, &config);
-    let status = on_a_terminal_that_goes(&mut ctl_command(&ipc, "top", &config));
-    assert_eq!(status.and_then(|status| status.code()), Some(0), "{status:?}");
+    for is_controlling in [false, true] {
+        let status = on_a_terminal_that_goes(&mut ctl_command(&ipc, "top", &config), is_controlling);
+        assert_eq!(status.and_then(|status| status.code()), Some(0), "{is_controlling}: {status:?}");
+    }
     for signal in [libc::SIGTERM, libc::SIGHUP] {
         let (mut top, _terminal) = Child::spawn_on_terminal(&mut ctl_command(&ipc, "top", &config));
         top.wait_until("the picture", PATIENCE, |top| top.stdout().contains("Counters"));
+        // One that only waits does not spin: a share of the time, whatever the machine does meanwhile.
+        let (begun, before) = (Instant::now(), processor_time(top.id()));
+        std::thread::sleep(Duration::from_secs(2));
+        let (used, elapsed) = (processor_time(top.id()) - before, begun.elapsed().as_secs_f64());
+        println!("top used {used:.2} of {elapsed:.2} s");
+        assert!(used < 0.5 * elapsed, "it spins: {used:.2} of {elapsed:.2} s");
         top.signal(signal);
         assert_eq!(top.wait_for_exit(PATIENCE).code(), Some(0), "{}", top.report());
     }

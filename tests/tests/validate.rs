@@ -131,11 +131,11 @@ fn what_follows_is_printed_and_traps_are_warned_of() {
     let refused = [
         ("environment.contact_point_m", "[5.0, 5.0, 0.0]", "accepted: a point on a surface within reach"),
         ("robot.tool.origin_m", "[0.0, 0.0, 0.0]", "robot.joint = links of 1 m in all"),
-        // What only the law can tell, by its key all the same.
+        // What only the law can tell, by its key all the same, on its line of the sorted file.
         (
             "contact.minimum_force",
             "[2.0, 6.0]",
-            "trap.toml:33: contact.minimum_force = [2.0, 6.0]: accepted: on every axis",
+            "trap.toml:5: contact.minimum_force = [2.0, 6.0]: accepted: on every axis",
         ),
     ];
     for (key, value, expected) in refused {

@@ -11,6 +11,7 @@ use crate::Exit;
 
 /// How long to wait for a sample of a daemon that sends several a second.
 const PATIENCE: Duration = Duration::from_secs(2);
+
 /// A subscriber of the daemon's diagnostics.
 pub(crate) fn subscribe(node: &Node, settings: &IpcSettings) -> Result<Subscriber<DiagnosticsSample>, (Exit, String)> {
     let unavailable = |why: String| (Exit::Unavailable, why);
@@ -52,6 +53,12 @@ pub(crate) fn latencies(sample: &DiagnosticsSample) -> [(&'static str, [u64; QUA
         ("compute", sample.compute_ns, sample.compute_last_second_ns),
         ("answer", sample.answer_ns, sample.answer_last_second_ns),
     ]
+}
+
+/// How old the last accepted state sample was when this was published, in ns; `None` before the
+/// first.
+pub(crate) fn sample_age_ns(sample: &DiagnosticsSample) -> Option<u64> {
+    (sample.state_stamp_ns > 0).then(|| sample.stamp_ns.saturating_sub(sample.state_stamp_ns))
 }
 
 /// Values of the axes with three decimals.

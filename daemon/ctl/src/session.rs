@@ -69,11 +69,22 @@ impl Session {
         arguments: &[&OsStr],
         environment: &[(&str, OsString)],
     ) -> Result<(), (Exit, String)> {
-        let failed =
-            |error: std::io::Error| (Exit::Unavailable, format!("the {name} process cannot be started: {error}"));
+        let this = std::env::current_exe().map_err(|error| not_started(name, &error))?;
+        self.start_program(name, &this, &[&[OsStr::new(role)], arguments].concat(), environment)
+    }
+
+    /// Starts another program in the session's place.
+    pub fn start_program(
+        &mut self,
+        name: &'static str,
+        program: &Path,
+        arguments: &[&OsStr],
+        environment: &[(&str, OsString)],
+    ) -> Result<(), (Exit, String)> {
+        let failed = |error: std::io::Error| not_started(name, &error);
         let log = File::create(self.log_path(name)).map_err(failed)?;
-        let mut command = Command::new(std::env::current_exe().map_err(failed)?);
-        command.arg(role).args(arguments);
+        let mut command = Command::new(program);
+        command.args(arguments);
         command.arg("--root-path").arg(&self.settings.root_path).args(["--prefix", &self.settings.prefix]);
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
         command.envs(environment.iter().map(|(name, value)| (name, value)));
@@ -181,6 +192,10 @@ impl Drop for Session {
             eprintln!("admittancectl: shared memory of the demo was not removed: {error}");
         }
     }
+}
+
+fn not_started(name: &str, error: &std::io::Error) -> (Exit, String) {
+    (Exit::Unavailable, format!("the {name} process cannot be started: {error}"))
 }
 
 fn terminate(child: &mut Child) {

@@ -1,5 +1,5 @@
 //! What developers of admittanced measure with: studies of the verdict, benchmarks of solver and
-//! cycle, and soaks. Operators need none of it: what they install is `admittancectl`.
+//! cycle, soaks, and attacks from outside. Operators need none of it: what they install is `admittancectl`.
 
 /// As the standard library's, but for a reader that has gone: see `admittance_host::output`.
 macro_rules! println {

@@ -18,7 +18,7 @@ fn commands(help: &str) -> Vec<String> {
 fn every_subcommand_has_help_and_a_wrong_one_is_named() {
     let (code, text) = run(&["--help"]);
     assert_eq!((code, text.contains("Exit codes")), (Some(0), true), "{text}");
-    assert_eq!(commands(&text), ["bench", "study", "soak", "flood"]);
+    assert_eq!(commands(&text), ["bench", "study", "soak", "hostile", "flood"]);
     for command in commands(&text) {
         let (code, text) = run(&[&command, "--help"]);
         assert_eq!((code, text.contains("Usage")), (Some(0), true), "{command}: {text}");

@@ -6,7 +6,7 @@ use crate::{QUANTILES, TASK_AXES};
 
 wire_sample! {
     /// How the daemon is doing: a few times a second.
-    struct DiagnosticsSample: "admittanced.DiagnosticsSample.v2", size 552, writer "admittanced (service thread)" {
+    struct DiagnosticsSample: "admittanced.DiagnosticsSample.v3", size 568, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every sample"]
             "Number of this sample; restarts at 1 with a new boot_id.";
         8 stamp_ns: u64 ["ns", "CLOCK_MONOTONIC, increasing"]
@@ -82,5 +82,9 @@ wire_sample! {
             "The same within the last complete second.";
         544 exceeded_count: u64 ["1", ">= 0"]
             "As in the record.";
+        552 state_stamp_ns: u64 ["ns", "CLOCK_MONOTONIC; 0 before the first"]
+            "Stamp of the last accepted state sample, which is what the law acts on.";
+        560 missed_lately: u64 ["1", "0 to 100"]
+            "Of the last 100 state samples up to that one, how many were never seen.";
     }
 }

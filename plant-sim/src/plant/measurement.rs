@@ -72,7 +72,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
                 },
             ),
         };
-        self.parameters.faults.falsify(&mut self.sample, self.index);
+        self.parameters.faults.falsify(&mut self.sample, self.index, self.parameters.sampling_time_ns);
     }
 
     pub(super) fn truth(&mut self, timing: CycleTiming, missed: bool, missed_commands: u64) -> TruthSample {

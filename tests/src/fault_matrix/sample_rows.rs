@@ -159,6 +159,18 @@ pub(super) fn rows() -> Vec<Row> {
             &[],
             "sequence jumped by 1000000 to ",
         ),
+        {
+            let expected = |said| Expectation {
+                counted: vec![Counter::Rejected],
+                log: by_daemon(&["does not follow the last accepted sample"]),
+                ..Expectation::undisturbed(said)
+            };
+            Row {
+                fault: "The stamp of one state sample is a cycle late; the next is on schedule, and so has the same stamp.",
+                injection: Injection::Scripted(Kind::LateStamp),
+                ..row("stamp_late", expected(FREE), expected(CONTACT))
+            }
+        },
         refused(
             "sequence_unnumbered",
             "The motion controller leaves the sequence at 0.",

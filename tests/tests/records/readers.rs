@@ -110,6 +110,7 @@ fn top_shows_mode_and_force_and_gives_the_terminal_back() {
             " m/s",
             " s ago, ",
             "the last one 0.",
+            "of the last 100 ",
             "N to spare on",
             "answer, last second",
             "p99.9",
@@ -123,6 +124,7 @@ fn top_shows_mode_and_force_and_gives_the_terminal_back() {
         assert!(fallbacks.is_some_and(|number| number.parse::<u64>().is_ok()), "{seen}");
 
         let status: serde_json::Value = serde_json::from_str(&status).expect("one JSON object");
+        assert!(status["sample_age_ns"].as_u64().is_some_and(|age| age > 0), "{status}");
         assert_eq!((&status["verdict"], &status["active_axes"]), (&"Feasible".into(), &serde_json::json!(["x", "y"])));
         assert!(["x", "y"].contains(&status["verdict_axis"].as_str().expect("with a verdict")), "{status}");
         has_the_keys_of_its_schema(&status);

@@ -20,8 +20,9 @@ enum When {
     After(Duration),
 }
 
-/// Starts the daemon and sends its process a signal. Returns whether it caught that by then.
-fn signal_at(systemd: &Systemd, processes: &Path, signal: i32, when: When) -> bool {
+/// Starts the daemon and waits until it is time. Returns its process, and whether that catches the
+/// signal by then.
+fn started(systemd: &Systemd, processes: &Path, signal: i32, when: When) -> (i32, bool) {
     systemd.run(&format!("systemctl reset-failed; systemctl start --no-block {DAEMON}"));
     let mut process = None;
     wait_until("a process", PATIENCE, || {
@@ -47,7 +48,12 @@ fn signal_at(systemd: &Systemd, processes: &Path, signal: i32, when: When) -> bo
     while !is_due() && made.elapsed() < PATIENCE {
         std::hint::spin_loop();
     }
-    let caught = catches();
+    (process, catches())
+}
+
+/// Starts the daemon and sends its process a signal. Returns whether it caught that by then.
+fn signal_at(systemd: &Systemd, processes: &Path, signal: i32, when: When) -> bool {
+    let (process, caught) = started(systemd, processes, signal, when);
     // SAFETY: kill touches no memory of this process; the id is that of the unit's process, which
     // systemd has made just now.
     unsafe { libc::kill(process, signal) };
@@ -91,7 +97,17 @@ fn a_signal_while_it_starts_is_acted_on() {
         if caught {
             assert_ended_well(&systemd, DAEMON);
             systemd.wait_for_entry(&format!("-u {DAEMON} --grep='SIGTERM: ending control'"));
+        } else {
+            // Whoever waits for the start must not be told that it runs.
+            let found = ["ActiveState", "Result"].map(|name| systemd.property(DAEMON, name));
+            assert_eq!(found, ["failed", "protocol"], "{when:?}");
         }
     }
     println!("SIGTERM came {earlier} times before it was caught");
+    for when in times() {
+        started(&systemd, &processes, libc::SIGTERM, when);
+        systemd.run(&format!("systemctl stop {DAEMON}"));
+        let found = ["ActiveState", "Result"].map(|name| systemd.property(DAEMON, name));
+        assert_eq!(found, ["inactive", "success"], "{when:?}: systemd itself was asked");
+    }
 }

@@ -13,6 +13,42 @@ fn stranger(systemd: &Systemd, script: &str) -> bool {
 }
 
 #[test]
+fn recordings_are_for_the_service_s_user_and_to_be_read_by_its_group() {
+    if !needs(Need::Systemd) {
+        return;
+    }
+    let systemd = installed(&config(&[]), &in_the_air());
+    systemd.run(&format!("systemctl start {DAEMON}"));
+    let directory = "/var/lib/admittanced";
+    systemd.run(&format!("runuser -u admittanced -- sh -c 'echo kept >{directory}/run.mcap'"));
+    let member = |script: &str| {
+        let (code, _) =
+            systemd.try_run(&format!("setpriv --reuid=nobody --regid=admittanced --clear-groups sh -euc '{script}'"));
+        code == Some(0)
+    };
+    let read = [format!("ls {directory}"), format!("cat {directory}/run.mcap")];
+    let written = [
+        format!("echo x >{directory}/other.mcap"),
+        format!("echo x >{directory}/run.mcap"),
+        format!("rm {directory}/run.mcap"),
+        format!("mv {directory} /var/lib/elsewhere"),
+        format!("ln -s /etc/passwd {directory}/link.mcap"),
+    ];
+    for script in &read {
+        assert!(member(script) && !stranger(&systemd, script), "{script}");
+    }
+    for script in &written {
+        assert!(!member(script) && !stranger(&systemd, script), "{script}");
+    }
+    // The daemon has it among the few places that it may write to, and keeps it through a stop.
+    systemd.run(&format!("systemctl stop {DAEMON}"));
+    assert_eq!(
+        systemd.run(&format!("stat -c '%U %a' {directory}; cat {directory}/run.mcap")),
+        "admittanced 750\nkept\n"
+    );
+}
+
+#[test]
 fn a_stranger_s_counter_of_nodes_is_given_up_and_the_own_one_is_closed() {
     undisturbed(|| {
         if !needs(Need::Systemd) {

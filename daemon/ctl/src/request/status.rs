@@ -57,6 +57,9 @@ pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
             response.missed_count,
             response.rejected_count
         );
+        let age = diagnostics::sample_age_ns(&diagnostics);
+        let age = age.map_or("none yet".to_owned(), |age| format!("{:.1} ms old", age as f64 * 1e-6));
+        println!("last sample       {age}, {} of the last 100 missed", diagnostics.missed_lately);
         println!(
             "also              force exceeded {}, limited {}, contacts lost {}, solver failures {}, records dropped {}",
             diagnostics.exceeded_count,

@@ -4,7 +4,7 @@ use admittance_core::quantities::AXIS_NAMES;
 use ipc_types::{DiagnosticsSample, Law, Mode, Motion, ResponseSample, Side, StopReason, TASK_AXES, Verdict};
 use serde_json::{Map, Value, json};
 
-use crate::diagnostics::latencies;
+use crate::diagnostics::{latencies, sample_age_ns};
 
 /// Version of these keys and their meaning; a key that is added doesn't change it.
 const VERSION: u32 = 1;
@@ -155,6 +155,9 @@ keys! {
         |said| said.diagnostics.cycles_last_second;
     rejected_count: count, "State samples refused by validation.", |said| said.response.rejected_count;
     missed_count: count, "State samples never seen: gaps in their sequence.", |said| said.response.missed_count;
+    missed_lately: count, "The same of the last 100.", |said| said.diagnostics.missed_lately;
+    sample_age_ns: count, "ns: how old the last accepted state sample was at the last diagnostics, which is what the law acts \
+        on; with a sample alone.", |said| sample_age_ns(said.diagnostics).map(Value::from), if present;
     fallback_count: count, "Cycles answered by a fallback instead of the law.", |said| said.response.fallback_count;
     late_count: count, "Cycles answered after their deadline.", |said| said.response.late_count;
     limited_count: count, "Cycles whose offset a limit had to cut after the law.", |said| said.diagnostics.limited_count;
@@ -204,7 +207,9 @@ mod tests {
     fn said(verdict: Verdict) -> Value {
         let response = ResponseSample { law: Law::Mpc.code(), active_axes: 0b10, ..ResponseSample::zeroed() };
         let verdict = verdict.code();
-        let diagnostics = DiagnosticsSample { verdict, verdict_axis: 1, ..DiagnosticsSample::zeroed() };
+        let (stamp_ns, state_stamp_ns) = (3_000, 1_000);
+        let diagnostics =
+            DiagnosticsSample { verdict, verdict_axis: 1, stamp_ns, state_stamp_ns, ..DiagnosticsSample::zeroed() };
         values(&Said { response: &response, diagnostics: &diagnostics })
     }
 
@@ -213,7 +218,7 @@ mod tests {
         let of_verdict = ["verdict_axis", "verdict_side", "verdict_margin", "verdict_time_s"];
         let (none, some) = (said(Verdict::None), said(Verdict::Feasible));
         assert_eq!((&none["verdict"], &none["active_axes"]), (&"None".into(), &json!(["y"])));
-        assert!(of_verdict.iter().all(|key| none.get(key).is_none()), "{none}");
+        assert!(of_verdict.iter().all(|key| none.get(key).is_none()) && none["sample_age_ns"] == 2_000, "{none}");
         assert!(of_verdict.iter().all(|key| some.get(key).is_some()) && some["verdict_axis"] == "y", "{some}");
     }
 

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use admittance_host::clock::monotonic_ns;
 use ipc_types::{DiagnosticsSample, Subscriber};
 use ratatui::DefaultTerminal;
 
@@ -40,8 +41,6 @@ pub(crate) struct Watched {
     instance: String,
     sample: DiagnosticsSample,
     heard: Instant,
-    /// When another state sample was seen to be answered; `None` while none has been.
-    answered: Option<Instant>,
     /// Changes of mode since top began: time since the start of the daemon in ns, and the mode.
     changes: Vec<(u64, String)>,
 }
@@ -49,8 +48,7 @@ pub(crate) struct Watched {
 impl Watched {
     fn new(instance: String, sample: DiagnosticsSample) -> Self {
         let changes = vec![(sample.uptime_ns, mode_text(&sample))];
-        let heard = Instant::now();
-        Self { instance, sample, heard, answered: (sample.cycles_last_second > 0).then_some(heard), changes }
+        Self { instance, sample, heard: Instant::now(), changes }
     }
 
     fn take(&mut self, sample: &DiagnosticsSample) {
@@ -64,16 +62,13 @@ impl Watched {
         if self.changes.len() > CHANGES {
             self.changes.remove(0);
         }
-        let heard = Instant::now();
-        if (sample.boot_id, sample.cycles) != (self.sample.boot_id, self.sample.cycles) {
-            self.answered = (sample.cycles > 0).then_some(heard);
-        }
-        (self.sample, self.heard) = (*sample, heard);
+        (self.sample, self.heard) = (*sample, Instant::now());
     }
 
-    /// How old the force is: of the last state sample, as far as is known.
+    /// How old force and position are that the law acts on; `None` before the first sample.
     fn sample_age(&self) -> Option<Duration> {
-        self.answered.map(|answered| answered.elapsed())
+        let stamp = self.sample.state_stamp_ns;
+        (stamp > 0).then(|| Duration::from_nanos(monotonic_ns().saturating_sub(stamp)))
     }
 
     /// How long the daemon has been silent, if that is long.

@@ -67,11 +67,11 @@ impl View<'_> {
                     Some(age) if age < NO_SAMPLE => {
                         Line::raw(format!("{begin}, the last one {:.1} s ago", age.as_secs_f64()))
                     }
-                    age => {
-                        let since =
-                            age.map_or("since top began".to_owned(), |age| format!("for {:.0} s", age.as_secs_f64()));
-                        Line::styled(format!("{begin}: none {since}, forces are as old"), bold.fg(Color::Yellow))
-                    }
+                    Some(age) => Line::styled(
+                        format!("{begin}: none for {:.0} s, forces are as old", age.as_secs_f64()),
+                        bold.fg(Color::Yellow),
+                    ),
+                    None => Line::styled(format!("{begin}: none yet"), bold.fg(Color::Yellow)),
                 }
             }
         };
@@ -156,6 +156,7 @@ fn render_counters(sample: &DiagnosticsSample, area: Rect, buffer: &mut Buffer) 
         text(&[("cycles", sample.cycles), ("fallback", sample.fallback_count), ("late", sample.late_count)]),
         text(&[
             ("samples missed", sample.missed_count),
+            ("of the last 100", sample.missed_lately),
             ("rejected", sample.rejected_count),
             ("offset limited", sample.limited_count),
         ]),

@@ -1,7 +1,7 @@
 //! Where attacks take place: a daemon as a process of its own, in a place of its own, and what must
 //! hold of it however it is attacked.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -26,6 +26,8 @@ const SLACK_KIB: u64 = 2048;
 const SLACK_DESCRIPTORS: usize = 4;
 /// Findings that are kept of one case: more of the same say nothing more.
 const MOST: usize = 8;
+/// Lines that are kept of one: of a broken file there may be a hundred errors.
+const MOST_LINES: usize = 20;
 
 /// What was found in one case.
 #[derive(Debug, Default)]
@@ -34,7 +36,9 @@ pub(crate) struct Findings(pub(crate) Vec<String>);
 impl Findings {
     pub(crate) fn note(&mut self, what: impl Into<String>) {
         if self.0.len() < MOST {
-            self.0.push(what.into());
+            let what: String = what.into();
+            let lines: Vec<&str> = what.lines().take(MOST_LINES).collect();
+            self.0.push(lines.join("\n"));
         }
     }
 
@@ -56,17 +60,20 @@ pub(crate) struct Arena {
     pub(crate) session: Session,
     pub(crate) feeds: Feeds,
     pub(crate) config_path: PathBuf,
+    /// The program to attack; without one, this program's own daemon.
+    program: Option<PathBuf>,
     holdings: Option<Holdings>,
 }
 
 impl Arena {
-    /// A daemon with this configuration, which serves.
-    pub(crate) fn new(config: &str) -> Outcome<Self> {
+    /// A daemon with this configuration, which serves: `program`, or this program's own.
+    pub(crate) fn new(config: &str, program: Option<&Path>) -> Outcome<Self> {
         let scenario = admittance_host::config::parse(SCENARIO, "paper.toml");
         let session = Session::new(&scenario.map_err(|error| (Exit::Internal, error.to_string()))?)?;
         let config_path = session.write("daemon.toml", config)?;
         let feeds = Feeds::listen(&config_path.with_file_name("notify")).map_err(|why| (Exit::Unavailable, why))?;
-        let mut arena = Self { session, feeds, config_path, holdings: None };
+        let program = program.map(Path::to_owned);
+        let mut arena = Self { session, feeds, config_path, program, holdings: None };
         arena.start_daemon()?;
         arena.await_service().map_err(|why| (Exit::Unavailable, why))?;
         Ok(arena)
@@ -76,8 +83,21 @@ impl Arena {
     pub(crate) fn start_daemon(&mut self) -> Outcome<()> {
         self.holdings = None;
         let environment = self.feeds.environment();
-        let arguments = [OsStr::new("--config"), self.config_path.as_os_str()];
-        self.session.start_with("daemon", "role-daemon", &arguments, &environment)
+        self.start_another("daemon", &[], &environment)
+    }
+
+    /// Starts a daemon under another name, with the same file.
+    pub(crate) fn start_another(
+        &mut self,
+        name: &'static str,
+        more: &[&OsStr],
+        environment: &[(&str, OsString)],
+    ) -> Outcome<()> {
+        let arguments = [&[OsStr::new("--config"), self.config_path.as_os_str()], more].concat();
+        match &self.program {
+            Some(program) => self.session.start_program(name, program, &arguments, environment),
+            None => self.session.start_with(name, "role-daemon", &arguments, environment),
+        }
     }
 
     /// SIGKILL; a case that looks at its log has to do so before.

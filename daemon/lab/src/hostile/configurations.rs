@@ -2,8 +2,9 @@
 //! starts.
 
 use std::ffi::OsStr;
+use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use admittance_runner::config::Config;
@@ -44,15 +45,21 @@ fn flaw(code: Exit, text: &str) -> Option<&'static str> {
         () if text.len() > LONGEST => Some("too long"),
         () if text.chars().any(|letter| letter.is_control() && letter != '\n') => Some("control characters"),
         () if !text.lines().all(|line| line.contains(".toml")) => Some("lines that do not name the file"),
-        () if text.contains("accepted") => None,
-        () => Some("nothing that would be accepted"),
+        () if !text.lines().all(|line| line.contains("accepted") || line.ends_with(" more errors")) => {
+            Some("nothing that would be accepted")
+        }
+        () => None,
     }
 }
 
 /// One case.
-pub(super) fn case(random: &mut rand_chacha::ChaCha8Rng, findings: &mut Findings) -> Outcome<Counts> {
+pub(super) fn case(
+    random: &mut rand_chacha::ChaCha8Rng,
+    daemon: Option<&Path>,
+    findings: &mut Findings,
+) -> Outcome<Counts> {
     let cell = Cell::draw(random)?;
-    let mut arena = Arena::new(&cell.text)?;
+    let mut arena = Arena::new(&cell.text, daemon)?;
     let counts = attack(&cell, &mut arena, random, findings);
     if let Err(why) = &counts {
         findings.note(why.clone());
@@ -72,8 +79,11 @@ fn attack(cell: &Cell, arena: &mut Arena, random: &mut impl Rng, findings: &mut 
     controller.calm(&cell.air, &client, &mut watch, findings)?;
     arena.look_at_holdings(findings);
     let all = Mutations::of(&cell.text);
-    let (mut valid, mut starts, mut reloads) = (0, 0, 0);
+    let (mut drawn, mut valid, mut starts, mut reloads) = (0, 0, 0, 0);
+    // A reload that is refused leaves what an earlier one brought.
+    let mut in_force = bounds.clone();
     for _ in 0..PER_CASE {
+        drawn += 1;
         let bytes = all.draw(random);
         let failed = |error: std::io::Error| error.to_string();
         std::fs::write(&arena.config_path, &bytes).map_err(failed)?;
@@ -89,15 +99,19 @@ fn attack(cell: &Cell, arena: &mut Arena, random: &mut impl Rng, findings: &mut 
         }
         if let Ok(config) = &validated {
             valid += 1;
-            watch.allow(config, bounds.clone().or(&Bounds::of(config)));
+            watch.allow(config, in_force.clone().or(&Bounds::of(config)));
             if random.random_ratio(1, THOUGHT_THROUGH) {
-                catch_unwind(|| consequences::lines(config)).map_err(|_| "validate -v panicked".to_owned())?;
+                findings
+                    .take(catch_unwind(|| consequences::lines(config)).map_err(|_| "validate -v panicked".to_owned()));
             }
         }
         if validated.is_ok() || random.random_ratio(1, REFUSED_TWICE) {
             reloads += 1;
             let verdict = validated.as_ref().map(drop).map_err(|(_, why)| why.clone());
-            reload(&verdict, &client, &mut controller, &mut watch, findings)?;
+            let done = reload(&verdict, &client, &mut controller, &mut watch, findings);
+            if let (Some(true), Ok(config)) = (findings.take(done), &validated) {
+                in_force = Bounds::of(config);
+            }
         }
         if random.random_ratio(1, STARTED) {
             starts += 1;
@@ -106,33 +120,39 @@ fn attack(cell: &Cell, arena: &mut Arena, random: &mut impl Rng, findings: &mut 
         }
         if !findings.0.is_empty() {
             // What has been found is seen again with this file.
-            let name = format!("/tmp/hostile-{}.toml", std::process::id());
-            std::fs::write(&name, &bytes).map_err(failed)?;
-            findings.note(format!("the file is {name}"));
+            findings.note(format!("the file is {}", kept(&bytes).map_err(failed)?.display()));
             break;
         }
     }
     arena.is_alive()?;
+    watch.allow(&cell.config, in_force.or(&bounds));
     std::fs::write(&arena.config_path, &cell.text).map_err(|error| error.to_string())?;
     controller.restore(&client, &mut watch, findings)?;
     controller.calm(&cell.air, &client, &mut watch, findings)?;
     arena.look_at_holdings(findings);
     Ok(Counts::from([
-        (Count::Configurations, PER_CASE),
+        (Count::Configurations, drawn),
         (Count::Valid, valid),
         (Count::Starts, starts),
         (Count::Reloads, reloads),
     ]))
 }
 
-/// Lets the running daemon read the file: it has to say what validate says.
+/// Keeps a file for a person to look at: as whoever runs this, in a directory that others write to.
+fn kept(bytes: &[u8]) -> std::io::Result<PathBuf> {
+    let mut file = tempfile::Builder::new().prefix("hostile-").suffix(".toml").tempfile()?;
+    file.write_all(bytes)?;
+    Ok(file.keep().map_err(|error| error.error)?.1)
+}
+
+/// Lets the running daemon read the file: it has to say what validate says. Whether it holds now.
 fn reload(
     validated: &Result<(), String>,
     client: &Client,
     controller: &mut Controller,
     watch: &mut Watch,
     findings: &mut Findings,
-) -> Result<(), String> {
+) -> Result<bool, String> {
     let answer = controller.ask(client, RequestKind::Reload, || watch.look(findings))?;
     let text = answer.text();
     let is_done = answer.status == ResponseStatus::Done.code();
@@ -142,10 +162,10 @@ fn reload(
         Err(why) => {
             let said = text.strip_prefix("reload refused: ").unwrap_or(&text);
             let is_same = why.starts_with(said.get(..said.len().min(200)).unwrap_or(said));
-            if is_same { Ok(()) } else { Err(format!("validate: {why}\nreload: {text}")) }
+            if is_same { Ok(false) } else { Err(format!("validate: {why}\nreload: {text}")) }
         }
         // What may not change at run time, or not now, is said.
-        Ok(()) if is_done || text.contains("cannot change at run time") || text.contains("accepted") => Ok(()),
+        Ok(()) if is_done || text.contains("cannot change at run time") || text.contains("accepted") => Ok(is_done),
         Ok(()) => Err(format!("a reload of what validate accepts: {text}")),
     }
 }
@@ -154,9 +174,7 @@ fn reload(
 fn start(arena: &mut Arena, node: &Node, validated: &Result<(), (Exit, String)>) -> Result<(), String> {
     let text = |(_, why): (Exit, String)| why;
     let name = Instance::new("newcomer").map_err(|error| error.to_string())?;
-    let config = arena.config_path.clone();
-    let arguments = [OsStr::new("--config"), config.as_os_str(), OsStr::new("--instance"), OsStr::new("newcomer")];
-    arena.session.start("newcomer", "role-daemon", &arguments).map_err(text)?;
+    arena.start_another("newcomer", &["--instance", "newcomer"].map(OsStr::new), &[]).map_err(text)?;
     let give_up = Instant::now() + PATIENCE;
     let ended = loop {
         if let Some(status) = arena.session.exit_status("newcomer") {
@@ -204,6 +222,9 @@ mod tests {
         assert_eq!(flaw(Exit::Config, "a.toml:3: x.y = 1: accepted: 0"), None);
         assert_eq!(flaw(Exit::Config, "a.toml:3: x.y = 1: no"), Some("nothing that would be accepted"));
         assert_eq!(flaw(Exit::Config, "a.toml: accepted: 0\nno"), Some("lines that do not name the file"));
+        let two = "a.toml:3: x.y = 1: accepted: 0\na.toml:4: ";
+        assert_eq!(flaw(Exit::Config, &format!("{two}x.z = 1: no")), Some("nothing that would be accepted"));
+        assert_eq!(flaw(Exit::Config, &format!("{two}7 more errors")), None);
         assert_eq!(flaw(Exit::Config, "a.toml: accepted: \u{1b}"), Some("control characters"));
         assert_eq!(flaw(Exit::Internal, "a.toml: accepted"), Some("a failure of its own"));
     }

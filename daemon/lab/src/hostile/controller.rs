@@ -200,11 +200,13 @@ impl Controller {
         findings: &mut Findings,
     ) -> Result<(), String> {
         self.restart(air)?;
-        let give_up = Instant::now() + PATIENCE;
+        let (give_up, before) = (Instant::now() + PATIENCE, watch.seen);
         loop {
             self.rest(watch, findings);
             let answer = self.ask(client, RequestKind::Status, || watch.look(findings))?;
             let next = match Mode::from_code(answer.mode) {
+                // Where nothing is seen nothing is found.
+                Some(Mode::Free) if watch.seen == before => return Err("control without a record".to_owned()),
                 Some(Mode::Free) => return Ok(()),
                 Some(Mode::Stopped) => RequestKind::Reset,
                 _ if answer.enabled == 0 => RequestKind::Enable,

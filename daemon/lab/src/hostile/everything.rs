@@ -3,7 +3,7 @@
 
 use std::ffi::OsStr;
 use std::os::unix::fs::chown;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use ipc_types::{Client, Node, effective_user};
@@ -31,10 +31,14 @@ const STRANGER: u32 = 65_534;
 const FLOOD_HZ: &str = "3000";
 
 /// One round.
-pub(super) fn case(random: &mut rand_chacha::ChaCha8Rng, findings: &mut Findings) -> Outcome<Counts> {
+pub(super) fn case(
+    random: &mut rand_chacha::ChaCha8Rng,
+    daemon: Option<&Path>,
+    findings: &mut Findings,
+) -> Outcome<Counts> {
     let mut cell = Cell::draw(random)?;
     let limits = permit(&mut cell)?;
-    let mut arena = Arena::new(&cell.text)?;
+    let mut arena = Arena::new(&cell.text, daemon)?;
     let mut round = Round { kills: random.random_bool(0.5), ..Round::default() };
     let counts = round.run(&cell, limits, &mut arena, random, findings);
     if let Err(why) = &counts {
@@ -96,7 +100,7 @@ impl Round {
             arena.session.start("flood", "flood", &flood).map_err(text)?;
             let storm = Instant::now() + Duration::from_secs_f64(STORM_S);
             let mut spoiler = Spoiler::new(Manner::draw(random));
-            let mut turn = 0u32;
+            let (mut turn, mut allowed) = (0u32, bounds.clone());
             while Instant::now() < storm {
                 turn += 1;
                 if controller.is_finished() || turn % 500 == 1 {
@@ -108,7 +112,7 @@ impl Round {
                 ends.askers.ask(random);
                 ends.askers.hear(PATIENCE, findings);
                 if random.random_ratio(1, 300) {
-                    self.happen(cell, &bounds, &mutations, &mut watch, arena, random)?;
+                    self.happen(cell, &mut allowed, &mutations, &mut watch, arena, random)?;
                 }
                 if self.kills && random.random_ratio(1, 1500) {
                     (asked, done) = (asked + ends.askers.asked, done + ends.askers.done);
@@ -150,7 +154,7 @@ impl Round {
     fn happen(
         &mut self,
         cell: &Cell,
-        bounds: &Bounds,
+        allowed: &mut Bounds,
         mutations: &Mutations,
         watch: &mut Watch,
         arena: &mut Arena,
@@ -162,7 +166,9 @@ impl Round {
                 self.reloads += 1;
                 std::fs::write(&arena.config_path, mutations.draw(random)).map_err(failed)?;
                 if let Ok(config) = validated(&arena.config_path) {
-                    watch.allow(&config, bounds.clone().or(&Bounds::of(&config)).without_normal());
+                    // It may be refused, or an earlier one: then that one goes on.
+                    *allowed = allowed.clone().or(&Bounds::of(&config)).without_normal();
+                    watch.allow(&config, allowed.clone());
                 }
                 arena.signal("daemon", libc::SIGHUP);
             }
@@ -183,9 +189,7 @@ impl Round {
     /// A second daemon of the instance ends at once, and says who holds it.
     fn second_daemon(&mut self, arena: &mut Arena) -> Result<(), String> {
         self.starts += 1;
-        let config = arena.config_path.clone();
-        let arguments = [OsStr::new("--config"), config.as_os_str()];
-        arena.session.start("second", "role-daemon", &arguments).map_err(|(_, why)| why)?;
+        arena.start_another("second", &[], &[]).map_err(|(_, why)| why)?;
         let log = ended(arena, "second", Exit::Unavailable)?;
         if log.contains("is held by process") { Ok(()) } else { Err(format!("a second daemon says: {log}")) }
     }

@@ -16,7 +16,7 @@ mod spoil;
 mod watch;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     /// What to do; all of it where nothing is named.
     #[arg(value_enum)]
     kinds: Vec<Kind>,
-    /// Garbage samples.
+    /// Garbage samples; as many good ones and more come between them.
     #[arg(long, default_value_t = 10_000)]
     samples: u64,
     /// Mutated configurations.
@@ -71,6 +71,9 @@ pub(crate) struct Args {
     /// The recordings to damage copies of.
     #[arg(long, value_name = "DIR", default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/recordings"))]
     recordings_of: PathBuf,
+    /// The daemon to attack in place of this program's own: another version, or one that is broken on purpose.
+    #[arg(long, value_name = "PROGRAM")]
+    daemon: Option<PathBuf>,
 }
 
 /// A kind of attack.
@@ -100,6 +103,7 @@ impl Kind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Count {
     Samples,
+    Spoilt,
     Episodes,
     Records,
     Refused,
@@ -117,7 +121,7 @@ enum Count {
 type Counts = BTreeMap<Count, u64>;
 
 /// Runs a case: what it counted, and what it found.
-type Case = fn(&mut ChaCha8Rng, &mut Findings) -> Outcome<Counts>;
+type Case = fn(&mut ChaCha8Rng, Option<&Path>, &mut Findings) -> Outcome<Counts>;
 
 /// How much of a kind.
 #[derive(Debug, Clone, Copy)]
@@ -181,7 +185,7 @@ fn attack(args: &Args, kind: Kind, seed: u64, interrupted: &dyn Fn() -> bool) ->
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(index);
         let mut findings = Findings::default();
-        match case(&mut random, &mut findings) {
+        match case(&mut random, args.daemon.as_deref(), &mut findings) {
             Ok(counts) => counts.into_iter().for_each(|(count, number)| *totals.entry(count).or_default() += number),
             // Of what a case needs itself, something failed: it says nothing about what it attacks.
             Err((code @ (Exit::Usage | Exit::NoInput | Exit::NoPermission), why)) => return Err((code, why)),

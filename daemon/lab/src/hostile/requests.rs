@@ -1,5 +1,6 @@
 //! Mutated requests: several clients that ask for anything, while the arm goes on touching.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use admittance_host::clock::monotonic_ns;
@@ -190,10 +191,14 @@ pub(super) fn permit(cell: &mut Cell) -> Outcome<Vec<(f64, f64)>> {
 }
 
 /// One case.
-pub(super) fn case(random: &mut rand_chacha::ChaCha8Rng, findings: &mut Findings) -> Outcome<Counts> {
+pub(super) fn case(
+    random: &mut rand_chacha::ChaCha8Rng,
+    daemon: Option<&Path>,
+    findings: &mut Findings,
+) -> Outcome<Counts> {
     let mut cell = Cell::draw(random)?;
     let limits = permit(&mut cell)?;
-    let mut arena = Arena::new(&cell.text)?;
+    let mut arena = Arena::new(&cell.text, daemon)?;
     let counts = attack(&cell, limits, &mut arena, random, findings);
     if let Err(why) = &counts {
         findings.note(why.clone());

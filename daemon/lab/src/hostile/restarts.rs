@@ -1,6 +1,7 @@
 //! SIGKILL of daemon and controller at any instant, also while they start: the next one has to work.
 
 use std::ffi::OsStr;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use ipc_types::{Mode, Node, RequestKind};
@@ -18,9 +19,13 @@ pub(super) const PER_CASE: u64 = 20;
 const UNTIL_KILL_MS: [std::ops::Range<f64>; 3] = [0.0..10.0, 0.0..60.0, 0.0..200.0];
 
 /// One case.
-pub(super) fn case(random: &mut rand_chacha::ChaCha8Rng, findings: &mut Findings) -> Outcome<Counts> {
+pub(super) fn case(
+    random: &mut rand_chacha::ChaCha8Rng,
+    daemon: Option<&Path>,
+    findings: &mut Findings,
+) -> Outcome<Counts> {
     let cell = Cell::draw(random)?;
-    let mut arena = Arena::new(&cell.text)?;
+    let mut arena = Arena::new(&cell.text, daemon)?;
     let counts = attack(&cell, &mut arena, random, findings);
     if let Err(why) = &counts {
         findings.note(why.clone());

@@ -1,5 +1,7 @@
 //! Garbage samples: a controller on the real ports that sends what no controller should.
 
+use std::path::Path;
+
 use rand::{Rng, RngExt as _};
 
 use super::arena::{Arena, Findings};
@@ -11,15 +13,19 @@ use super::{Count, Counts};
 use crate::answers::Bounds;
 use admittancectl::{Exit, Outcome};
 
-/// Samples of one case.
-pub(super) const PER_CASE: u64 = 2000;
+/// Garbage samples of one case; the good ones between them come on top.
+pub(super) const PER_CASE: u64 = 1000;
 /// Samples until the daemon has to be in control again.
 const EPISODE: std::ops::Range<u64> = 100..700;
 
 /// One case: episodes of touches whose samples are spoilt, and calm after each.
-pub(super) fn case(random: &mut rand_chacha::ChaCha8Rng, findings: &mut Findings) -> Outcome<Counts> {
+pub(super) fn case(
+    random: &mut rand_chacha::ChaCha8Rng,
+    daemon: Option<&Path>,
+    findings: &mut Findings,
+) -> Outcome<Counts> {
     let cell = Cell::draw(random)?;
-    let mut arena = Arena::new(&cell.text)?;
+    let mut arena = Arena::new(&cell.text, daemon)?;
     let counts = attack(&cell, &mut arena, random, findings);
     if let Err(why) = &counts {
         findings.note(why.clone());
@@ -36,20 +42,19 @@ fn attack(cell: &Cell, arena: &mut Arena, random: &mut impl Rng, findings: &mut 
     let mut watch = Watch::new(&node, &settings.instance, &cell.config, Bounds::of(&cell.config))?;
     let mut controller = Controller::open(&node, &settings, &cell.air)?;
     controller.calm(&cell.air, &client, &mut watch, findings)?;
-    let (mut sent, mut episodes) = (0, 0);
-    while sent < PER_CASE && findings.0.is_empty() {
+    let (mut spoilt, mut episodes) = (0, 0);
+    while spoilt < PER_CASE && findings.0.is_empty() {
         episodes += 1;
         controller.restart(&cell.touch(random).map_err(text)?)?;
         let mut spoiler = Spoiler::new(Manner::draw(random));
-        let length = random.random_range(EPISODE).min(PER_CASE - sent);
-        sent += length;
-        for _ in 0..length {
+        for _ in 0..random.random_range(EPISODE) {
             if controller.is_finished() {
                 controller.restart(&cell.touch(random).map_err(text)?)?;
             }
             controller.cycle(|sample| spoiler.spoil(random, sample));
             watch.look(findings);
         }
+        spoilt += spoiler.spoilt;
         arena.is_alive()?;
         let calm = controller.calm(&cell.air, &client, &mut watch, findings);
         arena.is_alive()?;
@@ -57,7 +62,8 @@ fn attack(cell: &Cell, arena: &mut Arena, random: &mut impl Rng, findings: &mut 
         arena.look_at_holdings(findings);
     }
     Ok(Counts::from([
-        (Count::Samples, sent),
+        (Count::Samples, controller.published),
+        (Count::Spoilt, spoilt),
         (Count::Episodes, episodes),
         (Count::Refused, watch.refused),
         (Count::Records, watch.seen),

@@ -58,11 +58,13 @@ pub(crate) struct Spoiler {
     left: u32,
     /// The last sample as it was published.
     last: StateSample,
+    /// Samples that something has happened to.
+    pub(crate) spoilt: u64,
 }
 
 impl Spoiler {
     pub(crate) fn new(manner: Manner) -> Self {
-        Self { manner, harms: Vec::new(), left: 0, last: StateSample::zeroed() }
+        Self { manner, harms: Vec::new(), left: 0, last: StateSample::zeroed(), spoilt: 0 }
     }
 
     /// Spoils this sample, or does not.
@@ -76,6 +78,7 @@ impl Spoiler {
             }
         }
         self.left -= 1;
+        self.spoilt += u64::from(!self.harms.is_empty());
         let mut delivery = Delivery::Whole;
         for harm in &self.harms {
             delivery = harm.apply(random, sample, &self.last).unwrap_or(delivery);
