@@ -7,7 +7,7 @@ use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
 use super::qp::QpSolver;
-use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
+use super::{Demand, InputSelection, LowerBound, Mpc, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
 
 /// The price of a force below f_min. At rest nothing pulls the force there; after an impact the
@@ -22,15 +22,6 @@ const SETTLING: f64 = 100.0;
 /// Part of the joints' speed that has to be left for all of it: with less the weight goes down to R
 /// steadily, so that an arm that slides along its limits does not jump from one law to the other.
 const ENOUGH_SPEED: f64 = 0.05;
-/// Part of the force limit that has to be left likewise.
-const ENOUGH_FORCE: f64 = 0.5;
-/// What the present turning of the arm counts in an impact, beside that of the slide to come: q̇ goes
-/// from one to the other with T_V, and the force peaks after about as long.
-const AT_FIRST: f64 = 0.4;
-/// Largest speed in m/s that a turning arm has: near a singular pose it grows without bound.
-const MOST_DRIFT: f64 = 0.1;
-/// How far below the limit a plan stays where it can, relative to how far above it may be.
-const ROOM: f64 = 2.0;
 /// In how many times the lag of the speed loops and a cycle the force then settles.
 const SETTLING_LAGS: f64 = 3.0;
 
@@ -43,30 +34,19 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         demand: &Demand<D>,
         expired: &mut dyn FnMut() -> bool,
     ) -> Solution<&Plan<D>> {
-        let Options { limit_tolerance: tolerance, force_limit, .. } = self.settings.options;
-        // A plan that rides on the limit would miss it by what the linear model leaves out.
-        let levels = [-ROOM * tolerance, 0.0, tolerance];
-        let mut level = levels[0];
-        let mut solution = self.press_within(level, situation, demand, expired);
-        for next in levels {
-            let Solution::Infeasible { verdict: Verdict::Infeasible { axis, shortfall, .. }, iterations } = solution
-            else {
-                break;
-            };
-            if next > level && shortfall <= (next - level) * force_limit[axis] {
-                let wider = self.press_within(next, situation, demand, expired);
-                let is_answer = matches!(wider, Solution::Planned { .. } | Solution::Infeasible { .. });
-                // Without another solution the one before stands, if it is about the limit itself.
-                if is_answer || level < 0.0 {
-                    (level, solution) = (next, wider.after(iterations));
-                } else {
-                    break;
-                }
+        let tolerance = self.settings.options.limit_tolerance;
+        let first = self.press_within(0.0, situation, demand, expired);
+        let solution = match &first {
+            Solution::Infeasible { verdict: Verdict::Infeasible { axis, shortfall, .. }, iterations }
+                if *shortfall <= tolerance * self.settings.options.force_limit[*axis] =>
+            {
+                let second = self.press_within(tolerance, situation, demand, expired);
+                // Without a second solution the first one stands.
+                let is_answer = matches!(second, Solution::Planned { .. } | Solution::Infeasible { .. });
+                if is_answer { second.after(*iterations) } else { first }
             }
-        }
-        if let Solution::Planned { verdict, .. } | Solution::Infeasible { verdict, .. } = &mut solution {
-            verdict.count_from(level.min(0.0), &force_limit);
-        }
+            _ => first,
+        };
         solution.with(&self.plan)
     }
 
@@ -139,12 +119,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let wanted = situation.joint_velocity(&(sliding + settling + lead));
         let used = |most: &SVector<f64, N>| wanted.zip_map(most, |speed, most| speed.abs() / most).max();
         let left = settings.limits.joint_speed.as_ref().map_or(1.0, |most| 1.0 - used(most));
-        // Near its limit the force comes down as fast as it can: held there by the bound alone it
-        // would meet what the linear model leaves out.
-        let spare = |bound: &AxisBound| 1.0 - situation.spring_force(bound.axis, bound.sign) / bound.maximum;
-        let spare = bounds.as_slice().iter().map(spare).fold(1.0, f64::min);
-        let calm = (left / ENOUGH_SPEED).clamp(0.0, 1.0) * (spare / ENOUGH_FORCE).clamp(0.0, 1.0);
-        let calm = if is_soft && demand.settles { calm } else { 0.0 };
+        let calm = if is_soft && demand.settles { (left / ENOUGH_SPEED).clamp(0.0, 1.0) } else { 0.0 };
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
             let excess = -surface.outward_speed(&sample.twist_reference) - demand.inward_speed;
@@ -155,15 +130,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             let way = (&(sample.twist_reference + output.offset()), &(sample.twist_reference + slowing));
             constraints.bound_inward_speed(demand.inward_speed, &surface.normal, known_twist, way, options.steps());
         }
-        let drift = if is_soft && !demand.settles {
-            // Until it is halted the arm turns as it does now, and more and more as it will slide.
-            let [now, later] = [situation.joints.velocity, situation.joint_velocity(&sliding)]
-                .map(|joint_velocity| situation.normal_lead(&settings, &joint_velocity).clamp(-MOST_DRIFT, MOST_DRIFT));
-            surface.normal * (AT_FIRST * now + (1.0 - AT_FIRST) * later)
-        } else {
-            lead
-        };
-        let drift = situation.joint_velocity(&drift);
+        let drift = situation.joint_velocity(&lead);
         known_reference.iter_mut().for_each(|reference| *reference -= drift);
         let prediction = Prediction {
             initial: start.state,

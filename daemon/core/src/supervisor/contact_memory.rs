@@ -108,7 +108,7 @@ impl<const D: usize> ContactMemory<D> {
     /// The arm moves out of the surface at `speed` (m/s), and `has_left` it or has not.
     fn go_on_with_impact(&mut self, speed: f64, has_left: bool, now: Instant) {
         self.impact = match self.impact {
-            Impact::Braking if speed > -STANDSTILL && self.has_reached() => Impact::Rebound,
+            Impact::Braking if speed > STANDSTILL && self.has_reached() => Impact::Rebound,
             Impact::Rebound if speed < 0.0 || has_left => Impact::over(now),
             // An arm that came back faster than it was told to has to be halted once more.
             Impact::Over { .. } if -speed > self.returned + FOLLOWING && !self.has_reached() => Impact::Braking,
