@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-use super::injection::{CONTACT_S, Fault, PRESSES_S, RETREATS_S, STANDS_S, Touch};
+use super::injection::{CONTACT_S, Fault, PRESSES_S, RETREATS_S, STANDS_AT_MOST_S, Touch};
 use admittancectl::Outcome;
 use admittancectl::demo::{CONTROLLERS, SCENARIO};
 
@@ -44,7 +44,7 @@ pub(super) fn scenario(touch: &Touch, fault: Option<Fault>) -> Outcome<String> {
     ];
     keys.iter().for_each(|(section, key, value)| set(&mut table, section, key, *value));
     let away = NORMAL.map(|n| n * RETREAT_M_S);
-    let phases = [(PRESSES_S, [0.0, -touch.speed_m_s]), (RETREATS_S, away), (STANDS_S, [0.0, 0.0])];
+    let phases = [(PRESSES_S, [0.0, -touch.speed_m_s]), (RETREATS_S, away), (STANDS_AT_MOST_S, [0.0, 0.0])];
     let phase = |(duration, twist): (f64, [f64; 2])| {
         let twist = Value::Array(twist.map(Value::Float).to_vec());
         Value::Table(Table::from_iter([("duration_s".to_owned(), duration.into()), ("twist".to_owned(), twist)]))

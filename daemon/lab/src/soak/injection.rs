@@ -15,6 +15,8 @@ pub(crate) const PRESSES_S: f64 = 0.6;
 pub(crate) const RETREATS_S: f64 = 0.4;
 /// How long it stands still afterwards, s: time for a reset.
 pub(crate) const STANDS_S: f64 = 0.4;
+/// The same at most, on a machine that is too busy to ask for one in time.
+pub(crate) const STANDS_AT_MOST_S: f64 = 5.0;
 
 /// What goes wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

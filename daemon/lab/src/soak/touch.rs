@@ -9,7 +9,7 @@ use admittance_host::clock::monotonic_ns;
 use ipc_types::{Mode, Node, RequestKind, Subscriber, TruthSample};
 
 use super::files::{SETTLE_S, config, scenario};
-use super::injection::{Fault, PRESSES_S, RETREATS_S, Touch};
+use super::injection::{Fault, PRESSES_S, RETREATS_S, STANDS_S, Touch};
 use super::outside::Held;
 use super::recording::Recording;
 use super::tally::{Tally, Window};
@@ -141,7 +141,7 @@ impl Stage {
         while let Ok(Some(_)) = self.truths.receive() {}
         self.session.start("plant", "role-plant", &[OsStr::new("--scenario"), file.as_os_str()])?;
         let (mut now, mut time) = (UnderWay::default(), f64::NEG_INFINITY);
-        let (mut was_reset, mut control) = (false, Err("the motion did not end".to_owned()));
+        let (mut was_reset, mut is_ending, mut control) = (false, false, Err("the motion did not end".to_owned()));
         loop {
             let ended = self.session.exit_status("plant");
             while let Ok(Some(truth)) = self.truths.receive() {
@@ -159,6 +159,10 @@ impl Stage {
             }
             if control.is_err() && time > PRESSES_S + RETREATS_S + 0.05 {
                 control = self.control();
+            }
+            if control.is_ok() && !is_ending && time > PRESSES_S + RETREATS_S + STANDS_S {
+                is_ending = true;
+                self.signal("plant", libc::SIGTERM);
             }
             if let Some(status) = ended {
                 if let (Some(fault), Some(motion)) = (fault, now.motion) {
