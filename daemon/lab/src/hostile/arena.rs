@@ -9,6 +9,7 @@ use admittance_runner::config::Config;
 use ipc_types::services::{self, Access};
 use ipc_types::{Client, Node, RequestKind, RequestSample, ResponseSample};
 
+use super::Counts;
 use super::feeds::Feeds;
 use admittancectl::demo::SCENARIO;
 use admittancectl::session::Session;
@@ -63,6 +64,22 @@ pub(crate) struct Arena {
     /// The program to attack; without one, this program's own daemon.
     program: Option<PathBuf>,
     holdings: Option<Holdings>,
+}
+
+/// Attacks a daemon that was started with this configuration; what cannot be done is a finding.
+pub(super) fn in_arena(
+    configuration: &str,
+    daemon: Option<&Path>,
+    findings: &mut Findings,
+    attack: impl FnOnce(&mut Arena, &mut Findings) -> Result<Counts, String>,
+) -> Outcome<Counts> {
+    let mut arena = Arena::new(configuration, daemon)?;
+    let counts = attack(&mut arena, findings);
+    if let Err(why) = &counts {
+        findings.note(why.clone());
+    }
+    arena.end(findings);
+    Ok(counts.unwrap_or_default())
 }
 
 impl Arena {

@@ -12,7 +12,7 @@ use ipc_types::services::{self, Access};
 use ipc_types::{Client, Instance, Node, RequestKind, ResponseStatus};
 use rand::{Rng, RngExt as _};
 
-use super::arena::{Arena, Findings, PATIENCE, POLL};
+use super::arena::{Arena, Findings, PATIENCE, POLL, in_arena};
 use super::cell::Cell;
 use super::controller::Controller;
 use super::mutate::Mutations;
@@ -59,13 +59,7 @@ pub(super) fn case(
     findings: &mut Findings,
 ) -> Outcome<Counts> {
     let cell = Cell::draw(random)?;
-    let mut arena = Arena::new(&cell.text, daemon)?;
-    let counts = attack(&cell, &mut arena, random, findings);
-    if let Err(why) = &counts {
-        findings.note(why.clone());
-    }
-    arena.end(findings);
-    Ok(counts.unwrap_or_default())
+    in_arena(&cell.text, daemon, findings, |arena, findings| attack(&cell, arena, random, findings))
 }
 
 fn attack(cell: &Cell, arena: &mut Arena, random: &mut impl Rng, findings: &mut Findings) -> Result<Counts, String> {

@@ -9,7 +9,7 @@ use ipc_types::{
 };
 use rand::{Rng, RngExt as _};
 
-use super::arena::{Arena, Findings, PATIENCE};
+use super::arena::{Arena, Findings, PATIENCE, in_arena};
 use super::cell::{Cell, set};
 use super::controller::{Controller, Delivery};
 use super::spoil::{EDGES, STRANGE};
@@ -198,13 +198,7 @@ pub(super) fn case(
 ) -> Outcome<Counts> {
     let mut cell = Cell::draw(random)?;
     let limits = permit(&mut cell)?;
-    let mut arena = Arena::new(&cell.text, daemon)?;
-    let counts = attack(&cell, limits, &mut arena, random, findings);
-    if let Err(why) = &counts {
-        findings.note(why.clone());
-    }
-    arena.end(findings);
-    Ok(counts.unwrap_or_default())
+    in_arena(&cell.text, daemon, findings, |arena, findings| attack(&cell, limits, arena, random, findings))
 }
 
 fn attack(

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use ipc_types::{Mode, Node, RequestKind};
 use rand::{Rng, RngExt as _};
 
-use super::arena::{Arena, Findings, PATIENCE, POLL};
+use super::arena::{Arena, Findings, PATIENCE, POLL, in_arena};
 use super::cell::Cell;
 use super::{Count, Counts};
 use admittancectl::request::request;
@@ -25,13 +25,7 @@ pub(super) fn case(
     findings: &mut Findings,
 ) -> Outcome<Counts> {
     let cell = Cell::draw(random)?;
-    let mut arena = Arena::new(&cell.text, daemon)?;
-    let counts = attack(&cell, &mut arena, random, findings);
-    if let Err(why) = &counts {
-        findings.note(why.clone());
-    }
-    arena.end(findings);
-    Ok(counts.unwrap_or_default())
+    in_arena(&cell.text, daemon, findings, |arena, findings| attack(&cell, arena, random, findings))
 }
 
 fn attack(cell: &Cell, arena: &mut Arena, random: &mut impl Rng, findings: &mut Findings) -> Result<Counts, String> {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rand::{Rng, RngExt as _};
 
-use super::arena::{Arena, Findings};
+use super::arena::{Arena, Findings, in_arena};
 use super::cell::Cell;
 use super::controller::Controller;
 use super::spoil::{Manner, Spoiler};
@@ -25,13 +25,7 @@ pub(super) fn case(
     findings: &mut Findings,
 ) -> Outcome<Counts> {
     let cell = Cell::draw(random)?;
-    let mut arena = Arena::new(&cell.text, daemon)?;
-    let counts = attack(&cell, &mut arena, random, findings);
-    if let Err(why) = &counts {
-        findings.note(why.clone());
-    }
-    arena.end(findings);
-    Ok(counts.unwrap_or_default())
+    in_arena(&cell.text, daemon, findings, |arena, findings| attack(&cell, arena, random, findings))
 }
 
 fn attack(cell: &Cell, arena: &mut Arena, random: &mut impl Rng, findings: &mut Findings) -> Result<Counts, String> {
