@@ -1,5 +1,7 @@
 //! The verdict: can the force bounds still be met?
 
+use nalgebra::SVector;
+
 use admittance_vocabulary::{Side, VerdictName};
 
 use crate::mpc::condensation::MpcRows;
@@ -40,6 +42,16 @@ impl Verdict {
             Self::None => VerdictName::None,
             Self::Feasible { .. } => VerdictName::Feasible,
             Self::Infeasible { .. } => VerdictName::Infeasible,
+        }
+    }
+
+    /// Counts its newtons from the limit itself, where it is about one that is larger by the part
+    /// `level`.
+    pub(super) fn count_from<const D: usize>(&mut self, level: f64, force_limit: &SVector<f64, D>) {
+        match self {
+            Self::Feasible { margin, axis, .. } => *margin -= level * force_limit[*axis],
+            Self::Infeasible { shortfall, axis, .. } => *shortfall += level * force_limit[*axis],
+            Self::None => {}
         }
     }
 
