@@ -5,6 +5,7 @@ use std::mem::ManuallyDrop;
 use std::ops::Deref;
 use std::os::unix::ffi::OsStrExt;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use iceoryx2::config::Config;
 use iceoryx2::node::NodeCreationFailure;
@@ -47,6 +48,10 @@ impl Drop for Node {
         }
     }
 }
+
+/// How long a node waits, for each one that was killed, until another process has cleared up after it:
+/// that takes milliseconds, unless it is killed in turn.
+const CLEARING: Duration = Duration::from_secs(1);
 
 /// iceoryx2's own root path on Linux: shared with every other program that configures nothing.
 pub const DEFAULT_ROOT_PATH: &str = "/tmp/iceoryx2";
@@ -254,6 +259,9 @@ impl IpcSettings {
             NodeCreationFailure::InsufficientPermissions => NodeError::Permission { root_path: root_path() },
             cause => NodeError::Iceoryx2 { root_path: root_path(), cause },
         })?;
+        // Who is killed leaves a port that counts until it is cleared away. iceoryx2 does that above,
+        // but not where another process is at it: then this one would find the port taken.
+        node.blocking_cleanup_dead_nodes(CLEARING);
         Ok(Node { node: ManuallyDrop::new(node), settings: self.clone() })
     }
 }
