@@ -25,20 +25,27 @@
 mod contact;
 mod detection;
 mod expectation;
+mod inward_way;
 mod joint_motion;
 mod lag_inverse;
 mod spring_history;
+mod surface_set;
 #[cfg(test)]
 mod tests;
+mod way;
 
 use nalgebra::{SVector, Vector3};
 
 pub use contact::Thresholds;
 pub(crate) use contact::{Contact, Felt, SurfaceSigns};
 pub use expectation::Expected;
+pub(crate) use inward_way::WayObserver;
 pub use joint_motion::JointMotion;
 pub(crate) use joint_motion::JointObserver;
 pub use lag_inverse::{NOISE_DEVIATIONS, NoiseWindow, WithoutLag};
+pub use surface_set::Prior;
+pub(crate) use surface_set::SurfaceSet;
+pub(crate) use way::Way;
 
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
@@ -58,6 +65,8 @@ pub enum ContactPoint {
         /// margin is reduced.
         wrench_noise: f64,
     },
+    /// Learned at touch, with the stiffness: the belief is a set.
+    Learned(Prior),
 }
 
 /// Where the sign of a contact comes from.
@@ -100,6 +109,17 @@ impl<const D: usize> Settings<D> {
             if told > 0.0 { told } else { activation / NOISE_DEVIATIONS }
         })
     }
+
+    /// The set before anything was seen; `None` where the surface is told.
+    fn set(&self) -> Option<SurfaceSet> {
+        let ContactPoint::Learned(prior) = &self.contact_point else { return None };
+        let (thresholds, normal) = (&self.thresholds, &self.surface.normal);
+        let mut felt = SurfaceSigns::of(normal).axes(&thresholds.admittance).peekable();
+        let lag = felt.peek().map_or(0.0, |axis| self.wrench_time_constant[*axis]);
+        let felt = felt.map(|axis| thresholds.activation[axis] / normal[axis].abs()).fold(f64::INFINITY, f64::min);
+        let depth = -self.surface.height(&self.surface.contact.position);
+        Some(SurfaceSet::new(prior, lag, self.wrench_noise.max(), felt, depth))
+    }
 }
 
 /// The belief as a record keeps it.
@@ -125,6 +145,8 @@ pub(crate) struct Belief<const D: usize> {
     expected: Expected,
     springs: SpringHistory,
     lag_inverse: LagInverse<D>,
+    /// What the surface may be, where only a range of it is told.
+    set: Option<SurfaceSet>,
 }
 
 impl<const D: usize> Belief<D> {
@@ -143,6 +165,7 @@ impl<const D: usize> Belief<D> {
                 &settings.force_limit,
                 settings.sampling_time,
             ),
+            set: settings.set(),
             settings,
         }
     }
@@ -161,13 +184,16 @@ impl<const D: usize> Belief<D> {
     /// Takes over the state of `old`, with these settings: a configured contact point replaces the
     /// old one.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, signs: _, surface, contact, detection, expected, springs, lag_inverse } = old;
+        let Self { settings: _, signs: _, surface, contact, detection, expected, springs, lag_inverse, set } = old;
         if self.settings.contact_point != ContactPoint::Configured {
             self.surface.contact = surface.contact;
         }
         (self.contact, self.detection, self.expected) = (*contact, *detection, *expected);
         self.springs = *springs;
         self.lag_inverse.take_over(lag_inverse);
+        if let (Some(set), Some(old)) = (&mut self.set, set) {
+            set.take_over(old);
+        }
     }
 
     /// Which axes feel a force above β.
@@ -201,15 +227,17 @@ impl<const D: usize> Belief<D> {
         &mut self,
         sample: &Accepted<N, D>,
         joint_velocity: &SVector<f64, N>,
+        way: Option<&Way>,
         felt: &Felt<D>,
         doubted: bool,
     ) {
         let Settings { thresholds, sign, contact_point, .. } = &self.settings;
+        let contact_point = *contact_point;
         let by_surface = (*sign == ContactSign::Normal).then_some(&self.signs);
         let was_in_contact = self.contact.is_any();
         self.contact = self.contact.update(thresholds, felt, by_surface, &sample.wrench);
         let lag = self.lag();
-        if let ContactPoint::Detected { wrench_noise } = *contact_point {
+        if let ContactPoint::Detected { wrench_noise } = contact_point {
             let in_contact = self.contact.is_any();
             self.detection.update(&mut self.surface, sample, joint_velocity, in_contact, lag, wrench_noise);
             if self.contact.is_any() && !was_in_contact {
@@ -217,17 +245,33 @@ impl<const D: usize> Belief<D> {
                 self.expected.spring = self.detection.spring_before(&self.surface).max(0.0);
             }
         }
+        self.learn(sample, way);
         let pressing = self.surface.pressing_force(&sample.wrench);
         let spring = self.surface.spring_force(sample.posture.pose());
         self.springs.push(sample.stamp, spring);
         let shown = self.springs.at(sample.stamp - self.settings.wrench_dead_time);
-        if self.contact.is_any() || *contact_point == ContactPoint::Configured {
+        if self.contact.is_any() || contact_point == ContactPoint::Configured {
             self.expected.follow(sample.stamp, shown.max(0.0), lag);
         } else {
             self.expected.begin(sample.stamp, shown.max(0.0), pressing);
         }
+        if let Some(set) = &self.set {
+            self.expected.pressing = set.expected().unwrap_or(pressing);
+        }
         if doubted && self.contact.is_any() {
             self.trust_force(pressing, shown);
+        }
+    }
+
+    /// The set after a sample, and the surface in it that is likeliest.
+    fn learn<const N: usize>(&mut self, sample: &Accepted<N, D>, way: Option<&Way>) {
+        let Some(set) = &mut self.set else { return };
+        let surface = &mut self.surface;
+        let depth = -surface.height(&sample.posture.pose().position);
+        let in_contact = self.contact.is_any();
+        set.follow(way, depth, surface.pressing_force(&sample.wrench), in_contact);
+        if let Some(spring) = set.likeliest().or(in_contact.then(|| set.unexplained())) {
+            surface.become_spring(spring.stiffness, spring.depth);
         }
     }
 
@@ -267,6 +311,15 @@ impl<const D: usize> Belief<D> {
         if self.settings.contact_point == ContactPoint::Configured {
             self.surface.contact = self.settings.surface.contact;
         }
+        if let Some(set) = &mut self.set {
+            set.forget();
+            self.surface = self.settings.surface;
+        }
+    }
+
+    /// What the surface may be, where only a range of it is told.
+    pub(crate) fn set(&self) -> Option<&SurfaceSet> {
+        self.set.as_ref()
     }
 
     /// T_est of the axes that feel the surface, in s.
@@ -308,7 +361,7 @@ impl<const D: usize> Belief<D> {
     /// By how much the force may be wrong because the contact point is uncertain, in N.
     pub(crate) fn uncertainty(&self) -> f64 {
         match self.settings.contact_point {
-            ContactPoint::Configured => 0.0,
+            ContactPoint::Configured | ContactPoint::Learned(_) => 0.0,
             ContactPoint::Detected { .. } => self.detection.uncertainty(),
         }
     }
