@@ -165,7 +165,9 @@ impl Memory {
             stamp: Instant::from_nanoseconds(record.expected_stamp_ns),
         };
         let (contact_point, uncertainty) = (record.contact_point.into(), record.belief_uncertainty_n);
-        let belief = Snapshot { contact_point, uncertainty, expected };
+        let stiffness = record.normal_stiffness_n_m;
+        let belief =
+            Snapshot { contact_point, uncertainty, expected, stiffness, stiffness_band: (stiffness, stiffness) };
         let joint_motion = [record.joint_velocity, record.joint_acceleration];
         Self { belief, tool_acceleration: record.tool_acceleration, joint_motion }
     }

@@ -132,6 +132,10 @@ pub struct Snapshot {
     pub uncertainty: f64,
     /// The force that f̂ should show.
     pub expected: Expected,
+    /// Stiffness along the normal, N/m, and what it may be besides: one deviation.
+    pub stiffness: f64,
+    /// Its band.
+    pub stiffness_band: (f64, f64),
 }
 
 /// The stage.
@@ -177,6 +181,10 @@ impl<const D: usize> Belief<D> {
         self.surface.contact.position = snapshot.contact_point;
         self.detection = Detection::with_uncertainty(snapshot.uncertainty);
         self.expected = snapshot.expected;
+        if self.set.is_some() {
+            self.surface.become_spring(snapshot.stiffness, -self.surface.height(&snapshot.contact_point));
+            self.surface.contact.position = snapshot.contact_point;
+        }
         self.springs.push(snapshot.expected.stamp, snapshot.expected.spring);
         self
     }
@@ -322,6 +330,11 @@ impl<const D: usize> Belief<D> {
         self.set.as_ref()
     }
 
+    /// Whether the surface is harder than the stiffest that was told.
+    pub(crate) fn is_outside_range(&self) -> bool {
+        self.set.as_ref().is_some_and(SurfaceSet::is_outside)
+    }
+
     /// T_est of the axes that feel the surface, in s.
     fn lag(&self) -> f64 {
         let felt = self.signs.axes(&self.settings.thresholds.admittance).next().unwrap_or(0);
@@ -369,6 +382,9 @@ impl<const D: usize> Belief<D> {
     /// What a record keeps.
     pub(crate) fn snapshot(&self) -> Snapshot {
         let uncertainty = self.uncertainty();
-        Snapshot { contact_point: self.surface.contact.position, uncertainty, expected: self.expected }
+        let stiffness = self.surface.normal_stiffness();
+        let stiffness_band = self.set.as_ref().map_or((stiffness, stiffness), SurfaceSet::stiffness_band);
+        let contact_point = self.surface.contact.position;
+        Snapshot { contact_point, uncertainty, expected: self.expected, stiffness, stiffness_band }
     }
 }

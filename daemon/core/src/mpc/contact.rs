@@ -6,6 +6,7 @@ use nalgebra::SVector;
 use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
+use super::every_surface::{of_set, pressing_everywhere};
 use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
@@ -64,9 +65,22 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             InputSelection::Active => demand.active,
             InputSelection::All => settings.admittance,
         };
+        let set = situation.belief.set();
+        let of_set = set.and_then(|set| of_set(self, set, situation, &demand.signs, tolerance));
+        if let Some(verdict) = of_set.and_then(|bounds| bounds.stop()) {
+            return Solution::Infeasible { verdict, iterations: 0 };
+        }
+        // Where every surface that may be there presses with a force, as that of the likeliest.
+        let pressing = |force: f64| set.map_or(force, |set| pressing_everywhere(set, situation, force));
         let mut bounds = ForceBounds::none();
         for axis in (0..D).filter(|&axis| demand.signs[axis] != 0.0) {
             let (sign, minimum) = (demand.signs[axis], demand.minimum[axis]);
+            if let Some(of_set) = &of_set {
+                let part = surface.normal[axis].abs();
+                let minimum = if minimum > f64::NEG_INFINITY { pressing(minimum / part) * part } else { minimum };
+                bounds.push(of_set.bound(axis, sign, minimum, &surface.normal));
+                continue;
+            }
             bounds.push(AxisBound { axis, sign, minimum, maximum: options.force_limit[axis] * (1.0 + tolerance) });
         }
         let is_soft = options.lower_bound == LowerBound::OnceReached;
@@ -102,7 +116,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let along_normal = |bound: &AxisBound| bound.minimum / surface.normal[bound.axis].abs();
         let felt = bounds.as_slice().iter().filter(feels);
         let kept = if is_soft { felt.map(along_normal).fold(0.0, f64::max) } else { 0.0 };
-        let normal_force = options.normal_force_reference.max(kept);
+        let normal_force = match set {
+            None => options.normal_force_reference.max(kept),
+            Some(_) => pressing(options.normal_force_reference).max(kept),
+        };
         // Which way the arm shall move: along the surface, and away from it as fast as the force
         // settles.
         let settling = if holds && demand.settles {
@@ -152,7 +169,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             slack: holds.then_some(KEPT),
         };
         let solution = self.solve(situation, &prediction, known_twist, expired);
-        solution.shifted(start.delay, situation.belief.uncertainty())
+        let solution = solution.shifted(start.delay, situation.belief.uncertainty());
+        match (solution, of_set.and_then(|bounds| bounds.at_risk())) {
+            (Solution::Planned { plan, iterations, .. }, Some(verdict)) => {
+                Solution::Planned { plan, verdict, iterations }
+            }
+            (solution, _) => solution,
+        }
     }
 }
 

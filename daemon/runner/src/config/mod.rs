@@ -18,6 +18,7 @@ mod mpc;
 mod plausibility;
 mod requests;
 mod stopping;
+mod unknown_surface;
 mod warnings;
 mod wrench;
 

@@ -1,0 +1,68 @@
+//! A surface of which only a range is told: what such a range must be.
+
+use admittance_host::config::ConfigError;
+
+use super::{Config, ContactPointName, EnvironmentSection};
+
+/// Greatest stiffness of a range over its least. A touch is seen at β: in the hardest surface the
+/// tool is by then so many times less deep than in the softest, and the horizon, the nodes of the
+/// belief and the linear model would have to serve both. Studied up to 50.
+const WIDEST: f64 = 100.0;
+
+impl EnvironmentSection {
+    /// Least and greatest stiffness in N/m of a surface that is not known; `None` where it is told,
+    /// by a range of length zero as well.
+    pub(crate) fn unknown_stiffness(&self) -> Option<(f64, f64)> {
+        self.stiffness_range_n_m.filter(|[least, most]| least < most).map(|[least, most]| (least, most))
+    }
+}
+
+impl Config {
+    /// Of a range with a wrench that is told to be free of noise.
+    pub(super) fn unknown_surface_without_noise(&self) -> Vec<String> {
+        let environment = &self.environment;
+        if environment.unknown_stiffness().is_none() || environment.wrench_noise_n > 0.0 {
+            return Vec::new();
+        }
+        vec![
+            "environment.wrench_noise_n = 0 N with environment.stiffness_range_n_m: what is believed of the surface is as \
+             narrow as a wrench without noise makes it; give its standard deviation at rest"
+                .to_owned(),
+        ]
+    }
+}
+
+/// Range and tolerance go together.
+pub(super) fn check(environment: &EnvironmentSection, path: &str, errors: &mut Vec<ConfigError>) {
+    let told = environment.normal_stiffness_n_m;
+    let mut wants = |key: &str, found: String, accepted: String| {
+        errors.push(ConfigError::new(format!("{path}.{key}"), found, accepted));
+    };
+    if let Some([least, most]) = environment.stiffness_range_n_m {
+        let found = || format!("[{least:?}, {most:?}]");
+        if least > most {
+            wants("stiffness_range_n_m", found(), "the least stiffness first".to_owned());
+        } else if most > WIDEST * least {
+            let accepted = format!("a greatest stiffness of at most {WIDEST} times the least");
+            wants("stiffness_range_n_m", found(), accepted);
+        } else if !(least..=most).contains(&told) {
+            wants("stiffness_range_n_m", found(), format!("a range with {path}.normal_stiffness_n_m = {told:?} in it"));
+        }
+    }
+    let is_unknown = environment.unknown_stiffness().is_some();
+    let is_told = environment.contact == ContactPointName::Configured;
+    match environment.contact_tolerance_m {
+        None if is_unknown && is_told => {
+            let accepted = format!("a tolerance above 0 with {path}.stiffness_range_n_m, or {path}.contact = \"detected\"");
+            wants("contact_tolerance_m", "absent".to_owned(), accepted);
+        }
+        Some(found) if !is_unknown => {
+            let accepted = format!("absent without a range in {path}.stiffness_range_n_m");
+            wants("contact_tolerance_m", format!("{found:?}"), accepted);
+        }
+        Some(found) if !is_told => {
+            wants("contact_tolerance_m", format!("{found:?}"), format!("absent with {path}.contact = \"detected\""));
+        }
+        Some(_) | None => {}
+    }
+}
