@@ -161,7 +161,7 @@ impl SurfaceSet {
                 let Some(found) = touch.found() else { return };
                 if touch.away() > LOST {
                     (self.fading, self.stage) = (self.fading + found.shown, Stage::Touch(Touch::new()));
-                } else if touch.noticed().is_some_and(|since| since >= TOUCH) && touch.away() == 0.0 {
+                } else if touch.is_certain() && touch.noticed().is_some_and(|since| since >= TOUCH) && touch.away() == 0.0 {
                     self.stage = Stage::Hold(Hold::new(found, touch.scale(found.cost), &self.tuning));
                 }
             }

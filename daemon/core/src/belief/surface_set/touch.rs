@@ -21,6 +21,11 @@ const FINE_PART: f64 = COARSE_PART / 8.0;
 const EVIDENCE: f64 = 25.0;
 /// The same where an axis is in contact.
 const EVIDENCE_IN_CONTACT: f64 = 9.0;
+/// With less than this nothing was touched after all.
+const NO_EVIDENCE: f64 = 4.0;
+/// With more there are no doubts that something was: until then the tool may still be on its way to
+/// the surface, and there are new nodes.
+const CERTAIN: f64 = 100.0;
 /// Part by which a surface must be harder than the hardest to count as out of range.
 const OUTSIDE: f64 = 1.1;
 
@@ -96,6 +101,11 @@ impl Touch {
         self.noticed
     }
 
+    /// Whether there are no doubts that something was touched.
+    pub(super) fn is_certain(&self) -> bool {
+        self.found().is_some_and(|best| -best.cost > CERTAIN)
+    }
+
     /// For how long no surface touches that may be there, s.
     pub(super) fn away(&self) -> f64 {
         self.away
@@ -114,7 +124,7 @@ impl Touch {
             self.coarse.advance(piece, weights, decay);
             self.since_fine += piece.duration;
             self.since_coarse += piece.duration;
-            if self.noticed.is_none() {
+            if !self.is_certain() {
                 self.place(piece.depth[2], tuning);
             }
         }
@@ -134,6 +144,7 @@ impl Touch {
                     (self.noticed, self.samples, self.constant) = (Some(0.0), 0, -best.cost);
                 }
             }
+            Some(_) if -best.cost < NO_EVIDENCE => self.noticed = None,
             Some(since) => {
                 *since += way.duration();
                 self.samples += 1;
