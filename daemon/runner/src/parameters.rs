@@ -147,15 +147,11 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
         contact_point: match (environment.unknown_stiffness(), environment.contact) {
             (Some(stiffness), contact) => ContactPoint::Learned(Prior {
                 stiffness,
-                depth_tolerance: environment
-                    .contact_tolerance_m
-                    .filter(|_| contact == ContactPointName::Configured),
+                depth_tolerance: environment.contact_tolerance_m.filter(|_| contact == ContactPointName::Configured),
                 risk: config.contact.risk,
             }),
             (None, ContactPointName::Configured) => ContactPoint::Configured,
-            (None, ContactPointName::Detected) => {
-                ContactPoint::Detected { wrench_noise: environment.wrench_noise_n }
-            }
+            (None, ContactPointName::Detected) => ContactPoint::Detected { wrench_noise: environment.wrench_noise_n },
         },
         policy: Policy {
             on_infeasible: match mpc.on_infeasible {

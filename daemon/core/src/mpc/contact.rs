@@ -147,6 +147,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             let way = (&(sample.twist_reference + output.offset()), &(sample.twist_reference + slowing));
             constraints.bound_inward_speed(demand.inward_speed, &surface.normal, known_twist, way, options.steps());
         }
+        if let (Some(speed), Some(bound)) =
+            (of_set.and_then(|bounds| bounds.way_back(&settings, situation)), &mut constraints.normal_speed)
+        {
+            bound.least[0] = bound.least[0].max(speed - surface.outward_speed(&known_twist[0]));
+        }
         let drift = situation.joint_velocity(&lead);
         known_reference.iter_mut().for_each(|reference| *reference -= drift);
         let prediction = Prediction {

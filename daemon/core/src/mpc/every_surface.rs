@@ -7,11 +7,11 @@
 use nalgebra::SVector;
 
 use super::constraints::{AxisBound, ForceBounds};
-use super::full_outward::deepest_force;
+use super::full_outward::{deepest_force, outward};
 use super::qp::QpSolver;
 use super::{Mpc, Settings, Situation, Verdict};
-use admittance_vocabulary::Side;
 use crate::belief::SurfaceSet;
+use admittance_vocabulary::Side;
 
 /// Standard deviations of the set that must be kept below the limit, and of the one in which no
 /// surface can be.
@@ -19,6 +19,10 @@ const SURE: f64 = 3.0;
 const HOPELESS: f64 = 4.0;
 /// Standard deviations of the set that presses with f_min.
 const PRESSING: f64 = 1.0;
+/// Within so many seconds the tool comes back from there, with this part of its outward speed at
+/// most.
+const BACK: f64 = 0.01;
+const BACK_PART: f64 = 0.8;
 /// Part of f_max by which the row of a depth that can't be helped leaves room.
 const ROOM: f64 = 1e-3;
 /// A lower bound is at most this part of the upper one.
@@ -29,8 +33,9 @@ const MOST_MINIMUM: f64 = 0.7;
 pub(super) struct SetBounds {
     /// Upper bound along the normal, N of the likeliest surface.
     pub maximum: f64,
-    /// f_max along the normal, N.
-    limit: f64,
+    /// By how much the tool is deeper now than where the first surface reaches f_max, N of the
+    /// likeliest surface.
+    excess: f64,
     /// What can't be kept.
     pub risk: Option<Risk>,
 }
@@ -69,8 +74,12 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
     let (depth, shown) = scale(situation);
     let reached = shown(set.depths_of(limit, SURE).0);
     let (deepest, time) = deepest_of(settings, situation);
+    if set.likeliest().is_none() {
+        // A force that no surface explains yet is none that may be exceeded.
+        return Some(SetBounds { maximum: limit.max(deepest + ROOM * limit), risk: None, excess: 0.0 });
+    }
     if reached >= deepest {
-        return Some(SetBounds { maximum: reached, limit, risk: None });
+        return Some(SetBounds { maximum: reached, risk: None, excess: 0.0 });
     }
     let deepest_depth = depth(deepest);
     let share = set.share_above(limit, deepest_depth);
@@ -82,7 +91,13 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
         stops: share > set.risk(),
         is_hopeless: set.depths_of(limit, HOPELESS).1 < deepest_depth,
     };
-    Some(SetBounds { maximum: deepest + ROOM * limit, limit, risk: Some(risk) })
+    let excess = scaled_now(situation) - reached;
+    Some(SetBounds { maximum: deepest + ROOM * limit, risk: Some(risk), excess })
+}
+
+/// The force of the likeliest surface now, along the normal, N.
+fn scaled_now<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -> f64 {
+    situation.belief.surface().spring_force(situation.sample.posture.pose())
 }
 
 /// The deepest point that can't be helped, in N of the likeliest surface, and when it is, s from the
@@ -113,6 +128,18 @@ fn scale<const N: usize, const D: usize>(
 }
 
 impl SetBounds {
+    /// The speed in m/s at which the tool has to leave a depth that can't be helped any more.
+    pub(super) fn way_back<const N: usize, const D: usize>(
+        &self,
+        settings: &Settings<N, D>,
+        situation: &Situation<'_, N, D>,
+    ) -> Option<f64> {
+        let surface = situation.belief.surface();
+        let most = surface.outward_speed(&(situation.sample.posture.jacobian() * outward(settings, situation)));
+        let wanted = self.excess / (surface.normal_stiffness() * BACK);
+        (wanted > 0.0 && most > 0.0).then(|| wanted.min(BACK_PART * most))
+    }
+
     /// The verdict on a contact that has to be stopped.
     pub(super) fn stop(&self) -> Option<Verdict> {
         let Risk { excess: shortfall, time, axis, stops, is_hopeless, .. } = self.risk?;

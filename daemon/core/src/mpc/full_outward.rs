@@ -52,7 +52,7 @@ pub(super) fn deepest_force<const N: usize, const D: usize>(
 
 /// The joint velocities in rad/s that lead out fastest: every joint at its limit, or where the
 /// offset does not allow that, along the normal as fast as both limits allow.
-fn outward<const N: usize, const D: usize>(
+pub(super) fn outward<const N: usize, const D: usize>(
     settings: &Settings<N, D>,
     situation: &Situation<'_, N, D>,
 ) -> SVector<f64, N> {
@@ -74,7 +74,8 @@ fn outward<const N: usize, const D: usize>(
     let within = |least: f64, (limit, value): (f64, f64)| least.min(limit / value.abs().max(f64::MIN_POSITIVE));
     let most = (0..D).map(|axis| (limits.offset[axis], along[axis])).fold(f64::INFINITY, within);
     let most = limits.joint_speed.as_ref().map_or(most, |speed| {
-        let left = (0..N).map(|joint| (speed[joint] - libm::copysign(1.0, by_offset[joint]) * commanded[joint], by_offset[joint]));
+        let left = (0..N)
+            .map(|joint| (speed[joint] - libm::copysign(1.0, by_offset[joint]) * commanded[joint], by_offset[joint]));
         left.fold(most, within).max(0.0)
     });
     commanded + by_offset * most

@@ -53,7 +53,8 @@ pub(super) fn check(environment: &EnvironmentSection, path: &str, errors: &mut V
     let is_told = environment.contact == ContactPointName::Configured;
     match environment.contact_tolerance_m {
         None if is_unknown && is_told => {
-            let accepted = format!("a tolerance above 0 with {path}.stiffness_range_n_m, or {path}.contact = \"detected\"");
+            let accepted =
+                format!("a tolerance above 0 with {path}.stiffness_range_n_m, or {path}.contact = \"detected\"");
             wants("contact_tolerance_m", "absent".to_owned(), accepted);
         }
         Some(found) if !is_unknown => {

@@ -41,9 +41,7 @@ impl<const K: usize> Bank<K> {
     /// where there is no room.
     pub(super) fn push(&mut self, depth: f64) {
         if self.len == K {
-            for values in
-                [&mut self.depth, &mut self.response, &mut self.square, &mut self.product, &mut self.force]
-            {
+            for values in [&mut self.depth, &mut self.response, &mut self.square, &mut self.product, &mut self.force] {
                 values.copy_within(1.., 0);
             }
             self.len -= 1;

@@ -147,11 +147,8 @@ impl Cell {
             let q = -2.0 * length * (aa - ab) / determinant;
             let r = length * length * aa / determinant;
             let (missing, by) = (force - at_start, left.max(0.0));
-            let (c2, c1, c0) = (
-                stiffness * stiffness - by * p,
-                -2.0 * stiffness * missing - by * q,
-                missing * missing - by * r,
-            );
+            let (c2, c1, c0) =
+                (stiffness * stiffness - by * p, -2.0 * stiffness * missing - by * q, missing * missing - by * r);
             for y in roots(c2, c1, c0).into_iter().flatten() {
                 if let Some(weights) = self.extreme(centre, [y, y - length], left, missing - stiffness * y)
                     && range.holds(weights)
@@ -270,12 +267,9 @@ mod tests {
 
     #[test]
     fn the_best_surface_is_that_of_a_grid() {
-        for (noise, range) in [
-            (0.0, RANGE),
-            (6.0, RANGE),
-            (6.0, Range { least: 1e5, most: 5e5 }),
-            (6.0, Range { least: 1e4, most: 5e4 }),
-        ] {
+        for (noise, range) in
+            [(0.0, RANGE), (6.0, RANGE), (6.0, Range { least: 1e5, most: 5e5 }), (6.0, Range { least: 1e4, most: 5e4 })]
+        {
             let cell = cell(noise);
             let best = cell.best(&range);
             let by_grid = grid(&range).map(|weights| cell.cost(weights)).fold(f64::INFINITY, f64::min);

@@ -6,7 +6,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::Tuning;
 use super::cell::{Range, Spring, roots};
-use super::touch::Found;
+use super::touch::Moments;
 use crate::belief::way::Way;
 
 const M: usize = 0;
@@ -45,24 +45,13 @@ pub(super) struct Hold {
 }
 
 impl Hold {
-    /// Goes on from the best surface of a touch, whose errors are larger than told by `scale`.
-    pub(super) fn new(found: &Found, scale: f64, tuning: &Tuning) -> Self {
-        let datum = found.cell.depth[0];
-        let [a, b] = found.weights;
-        let length = found.cell.depth[1] - found.cell.depth[0];
-        // What is known of a and b: by the samples, and by the range.
-        let [aa, ab, bb] = found.cell.squares;
-        let spread = (tuning.range.most - tuning.range.least) / libm::sqrt(12.0);
-        let prior = 1.0 / (spread * spread).max(1e-6 * tuning.range.most * tuning.range.most);
-        let information = SMatrix::<f64, 2, 2>::new(aa / scale + prior, ab / scale, ab / scale, bb / scale + prior);
-        let weights = information.try_inverse().unwrap_or(SMatrix::identity() / prior);
-        let map = SMatrix::<f64, 3, 2>::new(found.response[0], found.response[1], 1.0, 1.0, 0.0, length);
-        let known = map * weights * map.transpose();
+    /// Goes on from what a touch has learned, where depths are counted from `datum` (m).
+    pub(super) fn new(datum: f64, Moments { mean, covariance: known }: &Moments) -> Self {
         let mut covariance = SMatrix::<f64, 4, 4>::zeros();
-        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&known);
+        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(known);
         covariance[(SLOPE, SLOPE)] = SLOPE_AT_FIRST * SLOPE_AT_FIRST;
-        let state = SVector::<f64, 4>::new(found.shown, a + b, b * length, 0.0);
-        Self { datum, state, covariance, innovation: 1.0, expected: found.shown, away: 0.0 }
+        let state = SVector::<f64, 4>::new(mean[M], mean[K], mean[THETA], 0.0);
+        Self { datum, state, covariance, innovation: 1.0, expected: mean[M], away: 0.0 }
     }
 
     /// On to a sample at the end of `way` that shows a pressing `force` (N).

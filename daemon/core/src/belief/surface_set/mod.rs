@@ -10,7 +10,7 @@
 //! | touch | cells between contact depths on the way just travelled, each a least squares | `touch`, `bank`, `cell` |
 //! | hold | a Kalman filter over (m, k, θ = k c, slope) | `hold` |
 //!
-//! Touch goes over to hold 20 ms after it was noticed; contact lost for 8 ms leads back, with what
+//! Touch goes over to hold 20 ms and a lag of f̂ after it was noticed; contact lost for 8 ms leads back, with what
 //! is known of k, for one second.
 //!
 //! The set of z deviations is {cost ≤ least + z² · max(1, least / (n − 2))}. On a plane all rows of
@@ -33,7 +33,9 @@ use touch::Touch;
 /// Error of the force that no noise explains: in N, and as a part of the force.
 const FLOOR: f64 = 0.1;
 const FLOOR_PART: f64 = 0.005;
-/// How long a touch takes from when it was noticed, s.
+/// The same of what f̂ still shows of a contact before.
+const FADING_PART: f64 = 0.2;
+/// How long a touch takes from when it was noticed beyond the lag of f̂, s.
 const TOUCH: f64 = 0.020;
 /// Contact is lost when nothing has touched for so long, s.
 const LOST: f64 = 0.008;
@@ -139,7 +141,8 @@ impl SurfaceSet {
             self.tuning.range = self.told;
         }
         let noise = self.tuning.noise;
-        let weight = 1.0 / (noise * noise + FLOOR * FLOOR + FLOOR_PART * FLOOR_PART * force * force);
+        let (by_force, by_fading) = (FLOOR_PART * force, FADING_PART * self.fading);
+        let weight = 1.0 / (noise * noise + FLOOR * FLOOR + by_force * by_force + by_fading * by_fading);
         let force = force - self.fading;
         self.unexplained = Spring { depth: depth - force.max(0.0) / self.told.least, stiffness: self.told.least };
         match &mut self.stage {
@@ -161,8 +164,14 @@ impl SurfaceSet {
                 let Some(found) = touch.found() else { return };
                 if touch.away() > LOST {
                     (self.fading, self.stage) = (self.fading + found.shown, Stage::Touch(Touch::new()));
-                } else if touch.is_certain() && touch.noticed().is_some_and(|since| since >= TOUCH) && touch.away() == 0.0 {
-                    self.stage = Stage::Hold(Hold::new(found, touch.scale(found.cost), &self.tuning));
+                } else if touch.is_certain()
+                    && touch.noticed().is_some_and(|since| since >= TOUCH + self.tuning.lag)
+                    && touch.away() == 0.0
+                {
+                    let datum = found.spring.depth;
+                    if let Some(moments) = touch.moments(datum, &self.tuning.range) {
+                        self.stage = Stage::Hold(Hold::new(datum, &moments));
+                    }
                 }
             }
             Stage::Hold(hold) if hold.away() > LOST => {

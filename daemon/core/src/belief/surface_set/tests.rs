@@ -89,9 +89,7 @@ fn the_set_of_a_touch_is_that_of_a_grid() {
         }
         let spring = set.likeliest().expect("noticed");
         // Cost of every (c, k) against no contact.
-        let weight = |force: f64| {
-            1.0 / (noise * noise + FLOOR * FLOOR + FLOOR_PART * FLOOR_PART * force * force)
-        };
+        let weight = |force: f64| 1.0 / (noise * noise + FLOOR * FLOOR + FLOOR_PART * FLOOR_PART * force * force);
         let mut costs = Vec::new();
         for step in 0..=300 {
             let begins = world.begins + reach * speed * (f64::from(step) / 150.0 - 1.0);

@@ -1,6 +1,8 @@
 //! A touch: from free motion until some time after the first force. Linear least squares on banks
 //! of contact depths that lie on the way just travelled.
 
+use nalgebra::{SMatrix, SVector};
+
 use super::Tuning;
 use super::bank::Bank;
 use super::cell::{Best, Cell, Range, Spring};
@@ -20,12 +22,14 @@ const FINE_PART: f64 = COARSE_PART / 8.0;
 /// A likelihood ratio: by how much a surface must explain the samples better than none.
 const EVIDENCE: f64 = 25.0;
 /// The same where an axis is in contact.
-const EVIDENCE_IN_CONTACT: f64 = 9.0;
+const EVIDENCE_IN_CONTACT: f64 = 4.0;
 /// With less than this nothing was touched after all.
 const NO_EVIDENCE: f64 = 4.0;
 /// With more there are no doubts that something was: until then the tool may still be on its way to
 /// the surface, and there are new nodes.
 const CERTAIN: f64 = 100.0;
+/// Likelihood against the best that does not count any more.
+const UNLIKELY: f64 = 1e-6;
 /// Part by which a surface must be harder than the hardest to count as out of range.
 const OUTSIDE: f64 = 1.1;
 
@@ -68,10 +72,12 @@ pub(super) struct Found {
     pub spring: Spring,
     /// What f̂ should show of it, N.
     pub shown: f64,
-    /// The cell that it is in, its weights there, and the responses of the nodes.
-    pub cell: Cell,
-    pub weights: [f64; 2],
-    pub response: [f64; 2],
+}
+
+/// Of (what f̂ should show in N, k in N/m, θ in N).
+pub(super) struct Moments {
+    pub mean: SVector<f64, 3>,
+    pub covariance: SMatrix<f64, 3, 3>,
 }
 
 impl Touch {
@@ -155,6 +161,7 @@ impl Touch {
         self.is_outside = self.noticed.is_some()
             && best.spring.stiffness >= tuning.range.most * 0.999
             && self.samples >= 4
+            && self.is_certain()
             && self.harder(tuning).is_some_and(|cost| best.cost - cost > EVIDENCE * self.scale(cost));
     }
 
@@ -171,7 +178,8 @@ impl Touch {
         if !(tuning.depths.0..=tuning.depths.1).contains(&depth) {
             return;
         }
-        if self.since_coarse >= COARSE_SPACING * 0.999 && depth - self.coarse.last() >= tuning.felt_after * COARSE_PART {
+        if self.since_coarse >= COARSE_SPACING * 0.999 && depth - self.coarse.last() >= tuning.felt_after * COARSE_PART
+        {
             self.coarse.push(depth);
             self.since_coarse = 0.0;
         }
@@ -185,7 +193,8 @@ impl Touch {
     fn candidates(&self, range: &Range) -> impl Iterator<Item = Candidate> {
         let fine = (0..self.fine.cells()).map(|j| self.fine.cell(j));
         let first = self.fine.first();
-        let coarse = (0..self.coarse.cells()).map(|j| self.coarse.cell(j)).filter(move |(cell, _)| cell.depth[0] < first);
+        let coarse =
+            (0..self.coarse.cells()).map(|j| self.coarse.cell(j)).filter(move |(cell, _)| cell.depth[0] < first);
         fine.chain(coarse).map(|(cell, response)| Candidate { cell, response, best: cell.best(range) })
     }
 
@@ -193,20 +202,43 @@ impl Touch {
         let best = self.candidates(range).min_by(|a, b| a.best.cost.total_cmp(&b.best.cost))?;
         let Candidate { cell, response, best } = best;
         let [a, b] = best.weights;
-        Some(Found {
-            cost: best.cost,
-            spring: cell.spring(best.weights),
-            shown: a * response[0] + b * response[1],
-            cell,
-            weights: best.weights,
-            response,
-        })
+        Some(Found { cost: best.cost, spring: cell.spring(best.weights), shown: a * response[0] + b * response[1] })
     }
 
     /// By how much the errors are larger than was told, as a factor of variances.
     pub(super) fn scale(&self, cost: f64) -> f64 {
         let free = self.samples as f64 - 2.0;
         if free >= 1.0 { ((self.constant + cost) / free).max(1.0) } else { 1.0 }
+    }
+
+    /// Mean and covariance of (what f̂ should show, k, θ = k (c − datum)): every cell with its
+    /// likelihood.
+    pub(super) fn moments(&self, datum: f64, range: &Range) -> Option<Moments> {
+        let found = self.found()?;
+        let scale = self.scale(found.cost);
+        let spread = (range.most - range.least).max(1e-3 * range.most);
+        // Of a stiffness that is anywhere in the range.
+        let prior = 12.0 / (spread * spread);
+        let (mut all, mut mean, mut square) = (0.0, SVector::<f64, 3>::zeros(), SMatrix::<f64, 3, 3>::zeros());
+        for Candidate { cell, response, best } in self.candidates(range) {
+            let likelihood = libm::exp(-0.5 * (best.cost - found.cost) / scale);
+            if likelihood < UNLIKELY {
+                continue;
+            }
+            let [aa, ab, bb] = cell.squares.map(|sum| sum / scale);
+            let information = SMatrix::<f64, 2, 2>::new(aa + prior, ab, ab, bb + prior);
+            let [start, end] = cell.depth.map(|depth| depth - datum);
+            let map = SMatrix::<f64, 3, 2>::new(response[0], response[1], 1.0, 1.0, start, end);
+            let Some(covariance) = information.try_inverse() else { continue };
+            let middle = map * SVector::<f64, 2>::from(best.weights);
+            all += likelihood;
+            mean += middle * likelihood;
+            square += (map * covariance * map.transpose() + middle * middle.transpose()) * likelihood;
+        }
+        (all > 0.0).then(|| {
+            let mean = mean / all;
+            Moments { mean, covariance: square / all - mean * mean.transpose() }
+        })
     }
 
     /// The cost up to which a surface is in the set of `deviations`.

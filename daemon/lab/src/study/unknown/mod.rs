@@ -18,7 +18,7 @@ use run::Seen;
 /// Stiffness of the hardest surface drawn, in N/m: of fifty times the softest.
 const HARDEST_N_M: f64 = 5e5;
 /// An input in a cycle lasts so long at most, s.
-const INPUT_S: f64 = 0.001;
+const INPUT_S: f64 = 0.0005;
 
 /// What is told of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
@@ -75,7 +75,10 @@ impl World {
         let inputs = (draw.sampling_time_s / INPUT_S).ceil().max(1.0);
         let text = controller::controller_text(draw, Profile::Default, Variant::Detected)
             .replace("[mpc]\n", &format!("[mpc]\ninputs_per_cycle = {inputs}\n"))
-            .replace("contact = \"detected\"", &format!("contact = \"detected\"\nwrench_noise_n = {:?}\n{range}", self.noise_n));
+            .replace(
+                "contact = \"detected\"",
+                &format!("contact = \"detected\"\nwrench_noise_n = {:?}\n{range}", self.noise_n),
+            );
         let told = self.range(draw).map_or(draw.stiffness_n_m, |[least, most]| (least * most).sqrt());
         let known = format!("normal_stiffness_n_m = {:?}\n", draw.stiffness_n_m);
         let text = text.replace(&known, &format!("normal_stiffness_n_m = {told:?}\n"));
