@@ -74,9 +74,10 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
     let (depth, shown) = scale(situation);
     let reached = shown(set.depths_of(limit, SURE).0);
     let (deepest, time) = deepest_of(settings, situation);
+    let helped = deepest + (ROOM + tolerance) * deepest.max(limit);
     if set.likeliest().is_none() {
         // A force that no surface explains yet is none that may be exceeded.
-        return Some(SetBounds { maximum: limit.max(deepest + ROOM * limit), risk: None, excess: 0.0 });
+        return Some(SetBounds { maximum: limit.max(helped), risk: None, excess: 0.0 });
     }
     if reached >= deepest {
         return Some(SetBounds { maximum: reached, risk: None, excess: 0.0 });
@@ -92,7 +93,7 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
         is_hopeless: set.depths_of(limit, HOPELESS).1 < deepest_depth,
     };
     let excess = scaled_now(situation) - reached;
-    Some(SetBounds { maximum: deepest + ROOM * limit, risk: Some(risk), excess })
+    Some(SetBounds { maximum: helped, risk: Some(risk), excess })
 }
 
 /// The force of the likeliest surface now, along the normal, N.
