@@ -187,6 +187,11 @@ pub(crate) fn status_sentence(last: Option<&CycleRecord>) -> String {
     if command.verdict == Verdict::Feasible.code() {
         text += &format!(", feasible with {:.1} N to spare", command.verdict_margin);
     }
+    let [least, most] = record.sample.believed_stiffness_band_n_m;
+    if least < most && command.mode == Mode::Contact.code() {
+        let stiffness = record.sample.believed_stiffness_n_m;
+        text += &format!(", on a surface of {stiffness:.0} N/m ({least:.0} to {most:.0})");
+    }
     if command.verdict == Verdict::AtRisk.code() && command.mode == Mode::Contact.code() {
         text += &format!(", at risk: up to {:.1} N above the limit", -command.verdict_margin);
     }

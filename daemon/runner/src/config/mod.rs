@@ -161,6 +161,9 @@ fn check_wrench_dead_time(config: &Config, errors: &mut Vec<ConfigError>) {
     if found > 0.0 && config.environment.contact == ContactPointName::Detected {
         wants("0 with environment.contact = \"detected\"".to_owned());
     }
+    if found > 0.0 && config.environment.unknown_stiffness().is_some() {
+        wants("0 with environment.stiffness_range_n_m".to_owned());
+    }
     if found > 0.0 && config.wrench.tool_mass_kg > 0.0 {
         wants(format!(
             "0 with wrench.tool_mass_kg = {}: the tool's inertia comes late, too",
