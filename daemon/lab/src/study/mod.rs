@@ -78,6 +78,9 @@ struct VerdictArgs {
     /// With --surface: standard deviation of the wrench's noise in N, which is told.
     #[arg(long, default_value_t = 0.0, requires = "surface")]
     noise_n: f64,
+    /// With --surface: from which share of surfaces that can't be kept on to stop, contact.risk.
+    #[arg(long, requires = "surface")]
+    risk: Option<f64>,
     /// With --surface: one case of it, in full.
     #[arg(long, requires = "surface")]
     index: Option<u64>,
@@ -118,7 +121,7 @@ fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
 fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
     let (options, threads) = (&args.options, args.options.threads());
     if let Some(told) = args.surface {
-        let world = unknown::World { told, noise_n: args.noise_n, seed: args.seed };
+        let world = unknown::World { told, noise_n: args.noise_n, risk: args.risk, seed: args.seed };
         if let Some(index) = args.index {
             print!("{}", world.describe(index).map_err(|why| (Exit::Internal, why))?);
             return Ok(Exit::Ok);

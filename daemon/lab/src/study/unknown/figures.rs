@@ -69,6 +69,8 @@ pub(crate) struct Figures {
     known_after_ms: Option<ToP90>,
     /// |true force at the end − asked| of accepted attainable contacts.
     settled_error_n: Option<ToP95>,
+    /// |force by what is believed of the surface − true force| at the end.
+    believed_error_n: Option<ToP95>,
     examples: Examples,
 }
 
@@ -107,12 +109,13 @@ impl Figures {
             known: 0,
             known_after_ms: None,
             settled_error_n: None,
+            believed_error_n: None,
             examples: Examples::default(),
         };
-        let (mut known, mut errors) = (Vec::new(), Vec::new());
+        let (mut known, mut errors, mut believed) = (Vec::new(), Vec::new(), Vec::new());
         for case in cases {
             match &case.seen {
-                Ok(seen) => figures.count(case, seen, &mut known, &mut errors),
+                Ok(seen) => figures.count(case, seen, [&mut known, &mut errors, &mut believed]),
                 Err(_) => figures.apart += 1,
             }
         }
@@ -121,12 +124,14 @@ impl Figures {
         figures.known_after_ms = percentile(&mut known, 0.5)
             .zip(percentile(&mut known, 0.9))
             .map(|(p50, p90)| ToP90 { p50: p50 * 1e3, p90: p90 * 1e3 });
-        figures.settled_error_n =
-            percentile(&mut errors, 0.5).zip(percentile(&mut errors, 0.95)).map(|(p50, p95)| ToP95 { p50, p95 });
+        let to_p95 = |values: &mut [f64]| {
+            percentile(values, 0.5).zip(percentile(values, 0.95)).map(|(p50, p95)| ToP95 { p50, p95 })
+        };
+        (figures.settled_error_n, figures.believed_error_n) = (to_p95(&mut errors), to_p95(&mut believed));
         figures
     }
 
-    fn count(&mut self, case: &Case, seen: &Seen, known: &mut Vec<f64>, errors: &mut Vec<f64>) {
+    fn count(&mut self, case: &Case, seen: &Seen, [known, errors, believed]: [&mut Vec<f64>; 3]) {
         let limit = case.draw.normal_force_limit_n();
         let (Some(first), Some(attainable_n)) = (&seen.first_active, case.attainable_n) else {
             self.apart += 1;
@@ -177,6 +182,7 @@ impl Figures {
         let asked = along(0).max(along(1));
         let error = (seen.resting_n - asked).abs();
         errors.push(error);
+        believed.push(seen.believed_error_n);
         if error > 3.0 {
             example(&mut self.examples.unsettled, case);
         }

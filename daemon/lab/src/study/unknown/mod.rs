@@ -39,6 +39,8 @@ pub(crate) enum Told {
 pub(crate) struct World {
     pub(crate) told: Told,
     pub(crate) noise_n: f64,
+    /// contact.risk, where it is not the default.
+    pub(crate) risk: Option<f64>,
     pub(crate) seed: u64,
 }
 
@@ -79,6 +81,8 @@ impl World {
                 "contact = \"detected\"",
                 &format!("contact = \"detected\"\nwrench_noise_n = {:?}\n{range}", self.noise_n),
             );
+        let risk = self.risk.map_or_else(String::new, |risk| format!("risk = {risk:?}\n"));
+        let text = text.replace("[contact]\n", &format!("[contact]\n{risk}"));
         let told = self.range(draw).map_or(draw.stiffness_n_m, |[least, most]| (least * most).sqrt());
         let known = format!("normal_stiffness_n_m = {:?}\n", draw.stiffness_n_m);
         let text = text.replace(&known, &format!("normal_stiffness_n_m = {told:?}\n"));

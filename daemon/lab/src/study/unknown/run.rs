@@ -34,6 +34,8 @@ pub(super) struct Seen {
     pub(super) stop_reason: u32,
     /// Force at the end of the run.
     pub(super) resting_n: f64,
+    /// Error of the force that is believed in then: that of the likeliest surface at the true depth.
+    pub(super) believed_error_n: f64,
     /// From when on after the first active sample the surface was known, s.
     pub(super) known_after_s: Option<f64>,
 }
@@ -89,6 +91,8 @@ pub(super) fn run(
         let error_m: f64 = (0..2).map(|axis| normal[axis] * (at[axis] - point[axis])).sum();
         let ratio = belief.stiffness / draw.stiffness_n_m;
         let is_known = (ratio - 1.0).abs() <= KNOWN_PART && error_m.abs() <= KNOWN_M;
+        let believed = belief.stiffness * (truth.normal_force_n / draw.stiffness_n_m + error_m);
+        seen.believed_error_n = (believed - truth.normal_force_n).abs();
         known = if is_known { known + 1 } else { 0 };
         let since_s = (state.stamp_ns - started) as f64 * 1e-9;
         if known == SAMPLES && seen.known_after_s.is_none() {
