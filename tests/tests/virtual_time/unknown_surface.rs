@@ -88,7 +88,7 @@ fn a_range_of_length_zero_changes_no_bit() {
 
 #[test]
 fn a_verdict_at_risk_says_by_how_much() {
-    let run = unknown(Experiment::paper(0.001, 0.3), RANGE, 1e5, 0.5).run();
+    let run = unknown(Experiment::paper(0.001, 0.6), RANGE, 1e5, 0.5).run();
     let at_risk: Vec<_> = run.instants.iter().filter(|at| at.command.verdict == Verdict::AtRisk.code()).collect();
     assert!(!at_risk.is_empty() && at_risk.iter().all(|at| at.command.verdict_margin < 0.0));
 }

@@ -87,6 +87,8 @@ pub(crate) struct SurfaceSet {
     stage: Stage,
     /// How long what is known of a lost contact's stiffness still holds, s.
     remembered: f64,
+    /// Whether the surface is harder than any that was told.
+    is_outside: bool,
     /// What f̂ still shows of a contact before, N.
     fading: f64,
     /// A surface that begins here, for a force that no surface explains yet.
@@ -107,6 +109,7 @@ impl SurfaceSet {
             told,
             stage: Stage::Touch(Touch::new()),
             remembered: 0.0,
+            is_outside: false,
             fading: 0.0,
             unexplained: Spring { depth: 0.0, stiffness: least },
             risk: prior.risk,
@@ -125,6 +128,7 @@ impl SurfaceSet {
     pub(crate) fn forget(&mut self) {
         self.stage = Stage::Touch(Touch::new());
         (self.tuning.range, self.remembered, self.fading) = (self.told, 0.0, 0.0);
+        self.is_outside = false;
     }
 
     /// On to a sample at `depth` (m) that shows a pressing `force` (N). Without a `way` from the
@@ -137,7 +141,7 @@ impl SurfaceSet {
         let time = way.duration();
         self.fading *= if self.tuning.lag > 0.0 { libm::exp(-time / self.tuning.lag) } else { 0.0 };
         self.remembered = (self.remembered - time).max(0.0);
-        if self.remembered == 0.0 {
+        if self.remembered == 0.0 && !self.is_outside {
             self.tuning.range = self.told;
         }
         let noise = self.tuning.noise;
@@ -148,9 +152,13 @@ impl SurfaceSet {
         match &mut self.stage {
             Stage::Touch(touch) => {
                 touch.follow(way, force, weight, in_contact, &self.tuning);
-                if touch.is_outside() && self.tuning.range != self.told {
+                if touch.is_outside() && self.remembered > 0.0 {
                     // Another surface than the one that is remembered.
                     (self.tuning.range, self.remembered) = (self.told, 0.0);
+                } else if touch.is_outside() && !self.is_outside {
+                    // The stop that follows needs to know the surface as it is.
+                    self.is_outside = true;
+                    self.tuning.range.most = self.told.most * touch::HARDEST;
                 }
             }
             Stage::Hold(hold) => hold.follow(way, force, weight, &self.tuning),
@@ -208,7 +216,7 @@ impl SurfaceSet {
 
     /// Whether the surface is harder than any that was told.
     pub(crate) fn is_outside(&self) -> bool {
-        matches!(&self.stage, Stage::Touch(touch) if touch.is_outside() && self.tuning.range == self.told)
+        self.is_outside
     }
 
     /// From which share of surfaces on that can't be kept below the limit to stop.

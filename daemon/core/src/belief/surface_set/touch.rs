@@ -30,6 +30,8 @@ const NO_EVIDENCE: f64 = 4.0;
 const CERTAIN: f64 = 100.0;
 /// Likelihood against the best that does not count any more.
 const UNLIKELY: f64 = 1e-6;
+/// How many times harder than told a surface may be for it to be learned.
+pub(super) const HARDEST: f64 = 100.0;
 /// Part by which a surface must be harder than the hardest to count as out of range.
 const OUTSIDE: f64 = 1.1;
 
@@ -168,7 +170,7 @@ impl Touch {
     /// The cost of the best surface that is harder than any that was told.
     fn harder(&self, tuning: &Tuning) -> Option<f64> {
         let most = tuning.range.most;
-        self.search(&Range { least: most * OUTSIDE, most: most * 100.0 }).map(|found| found.cost)
+        self.search(&Range { least: most * OUTSIDE, most: most * HARDEST }).map(|found| found.cost)
     }
 
     /// New nodes at this depth, and an end to those that are deeper: nothing touches there now.
