@@ -49,6 +49,20 @@ fn the_limit_is_kept_whatever_the_surface_is() {
 }
 
 #[test]
+fn a_contact_point_may_be_told_with_a_tolerance() {
+    for error in [-0.9e-3, 0.0, 0.9e-3] {
+        for stiffness in [3e4, 2e5] {
+            let mut experiment = unknown(Experiment::paper(0.001, 0.1), RANGE, stiffness, 0.5);
+            let environment = &mut experiment.config.environment;
+            environment.contact = ContactPointName::Configured;
+            environment.contact_point_m = Some([1.32 + error * NORMAL[0], 0.68 + error * NORMAL[1], 0.0]);
+            environment.contact_tolerance_m = Some(1e-3);
+            is_kept_and_known(&format!("told {} mm off", error * 1e3), &experiment, stiffness, 200.0 / NORMAL[1]);
+        }
+    }
+}
+
+#[test]
 fn six_joints_as_well() {
     for (stiffness, noise) in [(2e4, 0.5), (1e5, 0.0), (1e5, 0.5), (3e5, 0.5)] {
         let mut experiment = unknown(Experiment::new(SIX_JOINT, SIX_JOINT_SCENARIO, 0.001), RANGE, stiffness, noise);

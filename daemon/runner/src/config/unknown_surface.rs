@@ -67,3 +67,56 @@ pub(super) fn check(environment: &EnvironmentSection, path: &str, errors: &mut V
         Some(_) | None => {}
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use admittance_host::config::{Section, parse};
+
+    use super::*;
+
+    /// The errors and warnings of the default profile with these changes.
+    fn said(changes: impl FnOnce(&mut EnvironmentSection)) -> (String, Vec<String>) {
+        let text = include_str!("../../../../deploy/demo/mpc-default.toml");
+        let mut config: Config = parse(text, "mpc-default.toml").unwrap();
+        changes(&mut config.environment);
+        let mut errors = Vec::new();
+        config.check("", &mut errors);
+        (errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "), config.warnings())
+    }
+
+    #[test]
+    fn a_range_has_its_errors() {
+        let detected = |range: [f64; 2]| {
+            said(|environment| {
+                environment.stiffness_range_n_m = Some(range);
+                environment.contact = ContactPointName::Detected;
+                environment.wrench_noise_n = 0.5;
+            })
+        };
+        assert_eq!(detected([1e4, 5e5]), (String::new(), Vec::new()));
+        for (range, accepted) in [
+            ([5e5, 1e4], "the least stiffness first"),
+            ([2e3, 5e5], "at most 100 times the least"),
+            ([2e5, 5e5], "environment.normal_stiffness_n_m = 100000.0 in it"),
+        ] {
+            let (errors, _) = detected(range);
+            assert!(errors.contains("environment.stiffness_range_n_m") && errors.contains(accepted), "{errors}");
+        }
+    }
+
+    #[test]
+    fn a_tolerance_goes_with_a_range() {
+        let (errors, _) = said(|environment| environment.contact_tolerance_m = Some(1e-3));
+        assert!(errors.contains("contact_tolerance_m = 0.001: accepted: absent without a range"), "{errors}");
+        let (errors, _) = said(|environment| environment.stiffness_range_n_m = Some([1e4, 5e5]));
+        assert!(errors.contains("contact_tolerance_m") && errors.contains("a tolerance above 0"), "{errors}");
+        let (errors, warnings) = said(|environment| {
+            environment.stiffness_range_n_m = Some([1e4, 5e5]);
+            environment.contact_tolerance_m = Some(1e-3);
+        });
+        assert_eq!(errors, "");
+        assert!(warnings.len() == 1 && warnings[0].contains("wrench_noise_n = 0 N"), "{warnings:?}");
+        // A range of length zero is a stiffness.
+        assert_eq!(said(|environment| environment.stiffness_range_n_m = Some([1e5, 1e5])), (String::new(), Vec::new()));
+    }
+}

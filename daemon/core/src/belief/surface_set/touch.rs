@@ -177,7 +177,14 @@ impl Touch {
     fn place(&mut self, depth: f64, tuning: &Tuning) {
         self.fine.drop_below(depth);
         self.coarse.drop_below(depth);
-        if !(tuning.depths.0..=tuning.depths.1).contains(&depth) {
+        let (first, last) = tuning.depths;
+        if depth < first {
+            // The first cell begins at the last node before the tolerance, the last one ends at the
+            // first node beyond it.
+            (self.fine, self.coarse) = (Bank::empty(), Bank::empty());
+            (self.since_fine, self.since_coarse) = (FINE_SPACING, COARSE_SPACING);
+        }
+        if self.fine.last() > last {
             return;
         }
         if self.since_coarse >= COARSE_SPACING * 0.999 && depth - self.coarse.last() >= tuning.felt_after * COARSE_PART
