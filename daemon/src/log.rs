@@ -109,8 +109,8 @@ fn explanation(record: &CycleRecord) -> String {
         }
         Some(StopReason::Singular) => record.report.singular.map_or_else(String::new, |singular| {
             format!(
-                ", the Jacobian is not invertible at the measured pose: reciprocal condition {:.2e}, below \
-                 control.minimum_reciprocal_condition; move the arm away from the singularity",
+                ", the Jacobian is not invertible at the measured pose or, in contact, where the arm would come to rest: \
+                 reciprocal condition {:.2e}, below control.minimum_reciprocal_condition; move the arm away from the singularity",
                 singular.reciprocal_condition
             )
         }),

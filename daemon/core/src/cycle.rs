@@ -11,6 +11,7 @@ use crate::mpc::{Mpc, Situation, Solution, Verdict};
 use crate::output::{Movement, Output};
 use crate::parameters::{ParameterError, Parameters};
 use crate::quantities::Instant;
+use crate::robot::Singular;
 use crate::supervisor::{Bridge, EnableRefused, Ending, Mode, ResetRefused, Supervisor, Task};
 
 /// The law, as a state machine: no clock, no I/O, no heap.
@@ -94,7 +95,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         now: Instant,
         expired: &mut dyn FnMut() -> bool,
     ) -> CycleOutput<'_, N, D> {
-        let Self { intake, belief, joints, way, supervisor, mpc, output, cycles, .. } = self;
+        let Self { parameters, intake, belief, joints, way, supervisor, mpc, output, cycles } = self;
         *cycles += 1;
         let sample = match intake.take(event, now) {
             Ok(sample) => sample,
@@ -115,7 +116,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             if matches!(supervisor.mode(), Mode::Free { .. }) {
                 mpc.forget();
             }
-            supervisor.heed(guards, sample, output.is_zero());
+            let singular = match supervisor.mode() {
+                Mode::Contact(_) => nearly_singular_ahead(parameters, sample, joints, output),
+                _ => None,
+            };
+            supervisor.heed(guards, singular, sample, output.is_zero());
         }
         if matches!(supervisor.mode(), Mode::Idle(_)) {
             belief.release();
@@ -266,6 +271,25 @@ impl<const N: usize, const D: usize> Predicted<N, D> {
     fn nothing() -> Self {
         Self { movement: None, verdict: Verdict::None, iterations: 0, expired_iteration: None }
     }
+}
+
+/// How singular J will be where the arm comes to rest if it is stopped a cycle from now. A stop that
+/// begins at the pose itself has joints left that turn fast, and cannot brake them without pressing.
+fn nearly_singular_ahead<const N: usize, const D: usize>(
+    parameters: &Parameters<N, D>,
+    sample: &Accepted<N, D>,
+    joints: JointMotion<N>,
+    output: &Output<D>,
+) -> Option<Singular> {
+    let Parameters { chain, loops, timing, minimum_reciprocal_condition, .. } = parameters;
+    let reference = sample.posture.inverse(0.0).ok()?.joint_velocity(&(sample.twist_reference + output.offset()));
+    let acting = loops.dead_time.add_scalar((timing.command_delay + timing.sampling_time).seconds());
+    let [by_velocity, by_acceleration, _] = loops.until_rest();
+    let way = by_velocity.component_mul(&joints.velocity)
+        + by_acceleration.component_mul(&joints.acceleration)
+        + acting.component_mul(&reference);
+    let reciprocal_condition = sample.posture.reciprocal_condition_after(chain, &sample.joint_position, &way).max(0.0);
+    (reciprocal_condition < *minimum_reciprocal_condition).then_some(Singular { reciprocal_condition })
 }
 
 /// Contact and stop: asks the MPC for what the mode wants, a second time where the first answer is

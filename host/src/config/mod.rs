@@ -107,6 +107,7 @@ pub mod private;
 mod range;
 mod rust_types;
 mod suggest;
+mod syntax;
 mod value;
 
 pub use docs::{KeyDoc, keys_markdown};

@@ -11,6 +11,7 @@ use super::error::{ConfigError, ConfigErrors, LoadError, MOST_ERRORS, Problem};
 use super::file::read_text;
 use super::range::{Limits, Number};
 use super::suggest::nearest;
+use super::syntax::{Lines, syntax_error, syntax_errors_in};
 use super::value::{File, Key, Kind, join};
 
 /// Reads and parses a configuration file.
@@ -29,7 +30,7 @@ pub fn load<T: File>(path: &Path) -> Result<T, LoadError> {
 /// # Errors
 /// *All* unknown keys, missing keys, wrong types and values out of range, in the order of their
 /// lines; with none of these, all errors of the cross-checks. Text that is not TOML gives its
-/// syntax errors only.
+/// syntax errors only, up to the first list that does not end.
 pub fn parse<T: File>(text: &str, source_name: &str) -> Result<T, ConfigErrors> {
     let all = T::keys("");
     let lists: Vec<String> = all.iter().filter(|key| key.limits.per_axis).map(|key| key.path.clone()).collect();
@@ -44,9 +45,8 @@ pub fn parse<T: File>(text: &str, source_name: &str) -> Result<T, ConfigErrors> 
     let lines = Lines::of(text);
     let (table, syntax_errors) = DeTable::parse_recoverable(text);
     if !syntax_errors.is_empty() {
-        let seen = syntax_errors.iter().take(MOST_ERRORS);
-        let unseen = syntax_errors.len().saturating_sub(MOST_ERRORS);
-        return Err(failed(seen.map(|error| syntax_error(text, &lines, error)).collect(), unseen));
+        let (errors, unseen) = syntax_errors_in(text, &lines, &syntax_errors);
+        return Err(failed(errors, unseen));
     }
 
     let mut walk = Walk { text, starts: lines, all, errors: Vec::new(), lines: BTreeMap::new() };
@@ -231,41 +231,4 @@ fn type_name(value: &DeValue<'_>) -> &'static str {
         DeValue::Array(_) => "an array",
         DeValue::Table(_) => "a table",
     }
-}
-
-/// Where the lines of a text end: looked up once for all its errors.
-struct Lines(Vec<usize>);
-
-impl Lines {
-    fn of(text: &str) -> Self {
-        Self(text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(offset, _)| offset).collect())
-    }
-
-    /// Line of a byte offset, from 1.
-    fn line_at(&self, offset: usize) -> usize {
-        1 + self.0.partition_point(|end| *end < offset)
-    }
-}
-
-/// An error of the TOML parser, with the key of the line that it points to.
-fn syntax_error(text: &str, lines: &Lines, error: &toml::de::Error) -> ConfigError {
-    let line = error.span().map(|span| lines.line_at(span.start));
-    let source = line.and_then(|line| text.lines().nth(line - 1)).unwrap_or_default().trim();
-    let key = line.map(|line| key_near(text, line)).unwrap_or_default();
-    let value = match source.split_once('=') {
-        Some((_, value)) if !key.is_empty() => value.trim(),
-        _ => source,
-    };
-    let problem = Problem::Syntax(error.message().trim().replace('\n', ", "));
-    ConfigError::with_problem(problem, key, value, "TOML 1.1, each key once: key = value, under its [section]").at(line)
-}
-
-/// Dotted key on a line of text that could not be parsed: the header above it and what stands
-/// before `=`.
-fn key_near(text: &str, line: usize) -> String {
-    let lines: Vec<_> = text.lines().take(line).map(str::trim).collect();
-    let Some((name, _)) = lines.last().and_then(|last| last.split_once('=')) else { return String::new() };
-    let header = lines.iter().rev().find(|line| line.starts_with('[') && !line.contains('='));
-    let section = header.map(|header| header.split(']').next().unwrap_or(header).trim_start_matches('[').trim());
-    join(section.unwrap_or_default(), name.trim())
 }

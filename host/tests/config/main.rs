@@ -91,6 +91,29 @@ fn text_that_is_not_toml_names_line_and_key() {
 }
 
 #[test]
+fn a_list_without_its_closing_bracket_is_one_error() {
+    for (begin, rest) in [
+        ("weights = [1.0, 2.0", "\n[robot]\nname = \"a\"\n\n[[robot.joint]]\norigin_m = [0.0, 0.0, 0.0]\n"),
+        ("weights = [[1.0], [2.0]", " # [ never closed ]\n  # ]\nlaw = \"mpc\"\nhorizon = 5\n"),
+        ("weights = [\"]\", ']'", "\n"),
+        ("weights = [", ""),
+    ] {
+        let errors = errors_of(&format!("[control]\n{begin}{rest}"));
+        let text = errors.to_string();
+        assert_eq!(text.lines().count(), 1, "{text}");
+        let expected = format!("cell.toml:2: control.{begin}");
+        assert!(text.starts_with(&expected) && text.contains("a list without its closing bracket"), "{text}");
+    }
+    // Whole lists over several lines are none of it, and what is wrong before the open one is said too.
+    let elsewhere = errors_of("[control]\nweights = [\n  [1.0, 2.0],\n  [3.0],\n]\nhorizon = = 5\n").to_string();
+    assert!(elsewhere.starts_with("cell.toml:6: control.horizon"), "{elsewhere}");
+    let two = errors_of("[control]\nhorizon = = 5\nweights = [1.0\nlaw = \"mpc\"\n").to_string();
+    assert!(two.contains("cell.toml:2: control.horizon") && two.contains("cell.toml:3: control.weights"), "{two}");
+    let inside = errors_of("[control]\nweights = [\n  1.0 = 2,\n]\n").to_string();
+    assert!(inside.starts_with("cell.toml:3: "), "{inside}");
+}
+
+#[test]
 fn numbers_are_exact_and_typed() {
     let accepted = |text: &str| parse::<Config>(text, "").is_ok();
     assert!(accepted(&with("law =", "stiffness_n_per_m = 100000\nlaw =")), "a whole number for a float");

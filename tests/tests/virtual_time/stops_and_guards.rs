@@ -40,7 +40,9 @@ fn a_singular_pose_in_contact_is_a_stop_at_a_low_force() {
         assert_eq!(run.stop_reason(), Some(StopReason::Singular.code()));
         assert!(run.last().is_in(Mode::Stopped) && run.last().command.motion == Motion::Hold.code());
     }
-    assert!(gentle.peak(0).max(gentle.peak(1)) <= 200.5, "x {} N, y {} N", gentle.peak(0), gentle.peak(1));
+    // The slide asks for more than the joints can do: it is slower then, instead of pressing with up
+    // to the limit.
+    assert!(gentle.peak_normal() <= 0.75 * 200.0, "{} N", gentle.peak_normal());
     assert!(rest(&gentle) <= STOP_FORCE, "rests at {} N", rest(&gentle));
     assert!(rest(&halted) > rest(&gentle), "a halt must not be the better answer");
 }

@@ -8,7 +8,7 @@ use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
 use super::every_surface::{of_set, pressing_everywhere};
 use super::qp::QpSolver;
-use super::{Demand, InputSelection, LowerBound, Mpc, Situation, Solution, Verdict};
+use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
 
 /// The price of a force below f_min. At rest nothing pulls the force there; after an impact the
@@ -23,6 +23,15 @@ const SETTLING: f64 = 100.0;
 /// Part of the joints' speed that has to be left for all of it: with less the weight goes down to R
 /// steadily, so that an arm that slides along its limits does not jump from one law to the other.
 const ENOUGH_SPEED: f64 = 0.05;
+/// What the present turning of the arm counts in an impact, beside that of the slide to come: q̇ goes
+/// from one to the other with T_V, and the force peaks after about as long.
+const AT_FIRST: f64 = 0.4;
+/// Largest speed in m/s that a turning arm has: near a singular pose it grows without bound.
+const MOST_DRIFT: f64 = 0.1;
+/// Part of the joints' speed that a slide uses at most: what is left keeps the force.
+const SLIDE: f64 = 0.95;
+/// How far below the limit a plan stays where it can, relative to how far above it may be.
+const ROOM: f64 = 2.0;
 /// In how many times the lag of the speed loops and a cycle the force then settles.
 const SETTLING_LAGS: f64 = 3.0;
 
@@ -35,19 +44,32 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         demand: &Demand<D>,
         expired: &mut dyn FnMut() -> bool,
     ) -> Solution<&Plan<D>> {
-        let tolerance = self.settings.options.limit_tolerance;
-        let first = self.press_within(0.0, situation, demand, expired);
-        let solution = match &first {
-            Solution::Infeasible { verdict: Verdict::Infeasible { axis, shortfall, .. }, iterations }
-                if *shortfall <= tolerance * self.settings.options.force_limit[*axis] =>
-            {
-                let second = self.press_within(tolerance, situation, demand, expired);
-                // Without a second solution the first one stands.
-                let is_answer = matches!(second, Solution::Planned { .. } | Solution::Infeasible { .. });
-                if is_answer { second.after(*iterations) } else { first }
+        let Options { limit_tolerance: tolerance, force_limit, .. } = self.settings.options;
+        // A plan that rides on the limit would miss it by what the linear model leaves out.
+        // A set has its own room: what is uncertain.
+        let room = if situation.belief.set().is_some() { 0.0 } else { ROOM };
+        let levels = [-room * tolerance, 0.0, tolerance];
+        let mut level = levels[0];
+        let mut solution = self.press_within(level, situation, demand, expired);
+        for next in levels {
+            let Solution::Infeasible { verdict: Verdict::Infeasible { axis, shortfall, .. }, iterations } = solution
+            else {
+                break;
+            };
+            if next > level && shortfall <= (next - level) * force_limit[axis] {
+                let wider = self.press_within(next, situation, demand, expired);
+                let is_answer = matches!(wider, Solution::Planned { .. } | Solution::Infeasible { .. });
+                // Without another solution the one before stands, if it is about the limit itself.
+                if is_answer || level < 0.0 {
+                    (level, solution) = (next, wider.after(iterations));
+                } else {
+                    break;
+                }
             }
-            _ => first,
-        };
+        }
+        if let Solution::Planned { verdict, .. } | Solution::Infeasible { verdict, .. } = &mut solution {
+            verdict.count_from(level.min(0.0), &force_limit);
+        }
         solution.with(&self.plan)
     }
 
@@ -129,13 +151,20 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         } else {
             SVector::zeros()
         };
-        let sliding = sample.twist_reference + wanted_offset;
+        let used = |twist: &SVector<f64, D>| {
+            let wanted = situation.joint_velocity(twist);
+            let used = |most: &SVector<f64, N>| wanted.zip_map(most, |speed, most| speed.abs() / most).max();
+            settings.limits.joint_speed.as_ref().map_or(0.0, used)
+        };
+        // Where a joint is too slow for the slide, the arm slides more slowly and keeps the force:
+        // the weight of the way along the surface would let it climb.
+        let asked = sample.twist_reference + wanted_offset;
+        let sliding = if holds { asked / (used(&asked) / SLIDE).max(1.0) } else { asked };
+        let wanted_offset = wanted_offset + (sliding - asked);
         let lead = if holds { situation.lead(&settings, &sliding) } else { SVector::zeros() };
-        // Where a joint is too slow for that, the force comes first: a dear input would keep the
-        // way along the surface instead.
-        let wanted = situation.joint_velocity(&(sliding + settling + lead));
-        let used = |most: &SVector<f64, N>| wanted.zip_map(most, |speed, most| speed.abs() / most).max();
-        let left = settings.limits.joint_speed.as_ref().map_or(1.0, |most| 1.0 - used(most));
+        // Where little is left of the joints' speed, the force comes first: a dear input would keep
+        // the way along the surface instead.
+        let left = 1.0 - used(&(sliding + settling + lead));
         let calm = if is_soft && demand.settles { (left / ENOUGH_SPEED).clamp(0.0, 1.0) } else { 0.0 };
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
@@ -152,7 +181,16 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         {
             bound.least[0] = bound.least[0].max(speed - surface.outward_speed(&known_twist[0]));
         }
-        let drift = situation.joint_velocity(&lead);
+        // (The deepest point of a set counts without the arm's turning.)
+        let drift = if is_soft && !demand.settles && set.is_none() {
+            // Until it is halted the arm turns as it does now, and more and more as it will slide.
+            let [now, later] = [situation.joints.velocity, situation.joint_velocity(&sliding)]
+                .map(|joint_velocity| situation.normal_lead(&settings, &joint_velocity).clamp(-MOST_DRIFT, MOST_DRIFT));
+            surface.normal * (AT_FIRST * now + (1.0 - AT_FIRST) * later)
+        } else {
+            lead
+        };
+        let drift = situation.joint_velocity(&drift);
         known_reference.iter_mut().for_each(|reference| *reference -= drift);
         let prediction = Prediction {
             initial: start.state,

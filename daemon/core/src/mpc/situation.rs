@@ -72,15 +72,21 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
     }
 
     /// The offset along the normal without which an arm that slides with this twist would leave
-    /// its path: a joint lags behind its reference by T, and J turns meanwhile. J q̇ is not
-    /// J r = `sliding` but J r + J T J⁻¹ J̇ q̇. At most [`MOST_LEAD`].
+    /// its path. At most [`MOST_LEAD`].
     pub(super) fn lead(&self, settings: &Settings<N, D>, sliding: &SVector<f64, D>) -> SVector<f64, D> {
+        let lead = self.normal_lead(settings, &self.joint_velocity(sliding));
+        self.belief.surface().normal * lead.clamp(-MOST_LEAD, MOST_LEAD)
+    }
+
+    /// The speed along the normal, in m/s, that an arm needs beside its twist to keep to it while
+    /// its joints turn with q̇ (rad/s): a joint lags behind its reference by T, and J turns
+    /// meanwhile. J q̇ is not J r but J r + J T J⁻¹ J̇ q̇.
+    pub(super) fn normal_lead(&self, settings: &Settings<N, D>, joint_velocity: &SVector<f64, N>) -> f64 {
         let (posture, normal) = (&self.sample.posture, &self.belief.surface().normal);
-        let turning = posture.acceleration_at_constant_joint_velocity(&self.joint_velocity(sliding));
+        let turning = posture.acceleration_at_constant_joint_velocity(joint_velocity);
         let held = settings.timing.command_delay.seconds() + 0.5 * settings.timing.sampling_time.seconds();
         let lag = (settings.loops.until_rest()[0] + settings.loops.dead_time).add_scalar(held);
-        let twist = posture.jacobian() * self.joint_velocity(&turning).component_mul(&lag);
-        normal * (-normal.dot(&twist)).clamp(-MOST_LEAD, MOST_LEAD)
+        -normal.dot(&(posture.jacobian() * self.joint_velocity(&turning).component_mul(&lag)))
     }
 
     /// The state when the command for this sample reaches the joints, and the forces until then,

@@ -1,5 +1,7 @@
 //! The verdict: can the force bounds still be met?
 
+use nalgebra::SVector;
+
 use admittance_vocabulary::{Side, VerdictName};
 
 use crate::mpc::condensation::MpcRows;
@@ -59,6 +61,16 @@ impl Verdict {
     /// Newtons by which some bound must at least be violated.
     pub(super) fn shortfall(&self) -> f64 {
         if let Self::Infeasible { shortfall, .. } = self { *shortfall } else { 0.0 }
+    }
+
+    /// Counts its newtons from the limit itself, where it is about one that is larger by the part
+    /// `level`.
+    pub(super) fn count_from<const D: usize>(&mut self, level: f64, force_limit: &SVector<f64, D>) {
+        match self {
+            Self::Feasible { margin, axis, .. } => *margin -= level * force_limit[*axis],
+            Self::Infeasible { shortfall, axis, .. } => *shortfall += level * force_limit[*axis],
+            Self::AtRisk { .. } | Self::None => {}
+        }
     }
 
     /// Counts its time from `delay` s earlier, and reduces its margin by `uncertainty` N.

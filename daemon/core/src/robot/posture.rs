@@ -5,6 +5,9 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use super::{Chain, InverseJacobian, Kinematics, Pose, Singular, right_inverse};
 use crate::quantities::on_task_axes;
 
+/// Way in rad by which the joints are moved to see how the condition of J changes.
+const PROBE: f64 = 1e-4;
+
 /// Ψ(q), J(q) and J⁻¹(q).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Posture<const N: usize, const D: usize> {
@@ -55,6 +58,28 @@ impl<const N: usize, const D: usize> Posture<N, D> {
             linear += turning.cross(&moved) + axis.cross(&further);
         }
         on_task_axes(&linear, &angular)
+    }
+
+    /// Reciprocal condition number of J after the joints of `chain` have moved on by `way` rad, to
+    /// first order: near a singular pose the least singular value falls evenly, and beyond it
+    /// another posture begins, which the arm cannot reach under control.
+    pub fn reciprocal_condition_after(&self, chain: &Chain<N>, q: &SVector<f64, N>, way: &SVector<f64, N>) -> f64 {
+        let here = self.reciprocal_condition();
+        let length = way.norm();
+        if length < PROBE {
+            return here;
+        }
+        let share = PROBE / length;
+        let there = chain.kinematics(&(q + way * share)).task_jacobian::<D>();
+        let there = right_inverse(&there, 0.0).map_or(0.0, |inverse| inverse.reciprocal_condition);
+        here + (there - here) / share
+    }
+
+    fn reciprocal_condition(&self) -> f64 {
+        match &self.inverse {
+            Ok(inverse) => inverse.reciprocal_condition,
+            Err(singular) => singular.reciprocal_condition,
+        }
     }
 
     /// J⁻¹(q), if its reciprocal condition number is at least `least`.

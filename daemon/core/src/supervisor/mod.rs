@@ -192,10 +192,15 @@ impl<const D: usize> Supervisor<D> {
     /// turn would press on the spring.
     fn least_condition(&self) -> f64 {
         let least = self.settings.minimum_reciprocal_condition;
-        let stops_by_model = self.settings.predicts
+        if self.would_stop_by_model() { least * CONDITION_LEFT } else { least }
+    }
+
+    /// Whether the arm is in contact, and would be stopped at the lowest force instead of being
+    /// held.
+    fn would_stop_by_model(&self) -> bool {
+        self.settings.predicts
             && self.settings.policy.on_infeasible == OnInfeasible::MinimumForceStop
-            && matches!(self.mode, Mode::Contact(_) | Mode::Stopping(_));
-        if stops_by_model { least * CONDITION_LEFT } else { least }
+            && matches!(self.mode, Mode::Contact(_) | Mode::Stopping(_))
     }
 
     /// Counts a cycle in which the force, without the lag of f̂, is beyond what a plan may have.
@@ -280,12 +285,13 @@ impl<const D: usize> Supervisor<D> {
             && memory.has_reached()
     }
 
-    /// Stops or ends control if something requires it: the `guards`, a pose that is nearly
-    /// singular, samples that don't come as they should, or a request to end control, in free
-    /// motion once the offset is zero.
+    /// Stops or ends control if something requires it: the `guards`, a pose that is nearly singular,
+    /// here or as `singular_ahead` says where the arm would come to rest, samples that don't come as
+    /// they should, or a request to end control, in free motion once the offset is zero.
     pub(crate) fn heed<const N: usize>(
         &mut self,
         guards: Option<Cause>,
+        singular_ahead: Option<Singular>,
         sample: &Accepted<N, D>,
         offset_is_zero: bool,
     ) {
@@ -293,9 +299,9 @@ impl<const D: usize> Supervisor<D> {
         if let Some(cause) = guards {
             self.apply(cause, stamp);
         }
-        if let (true, Err(singular)) =
-            (self.is_in_control(), sample.posture.inverse(self.settings.minimum_reciprocal_condition))
-        {
+        let here = sample.posture.inverse(self.settings.minimum_reciprocal_condition).err();
+        let ahead = singular_ahead.filter(|_| self.would_stop_by_model());
+        if let Some(singular) = here.or(ahead).filter(|_| self.is_in_control()) {
             self.apply_at_pose(Cause::NearlySingular, stamp, Some(singular));
         }
         let is_ramping = matches!(self.mode, Mode::Free { .. }) && !offset_is_zero;

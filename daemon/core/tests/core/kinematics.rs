@@ -173,6 +173,26 @@ fn singular_poses_are_reported() {
     check_singular::<7, 6>();
 }
 
+/// Of two links of 1 m and 1 m, |det J| is |sin q2|.
+#[test]
+fn the_condition_falls_evenly_toward_a_stretched_arm_and_below_zero_beyond_it() {
+    let golden = golden();
+    let chain = chain::<2>(arm(&golden, 2));
+    let q = SVector::<f64, 2>::new(0.4, 0.05);
+    let posture = Posture::<2, 2>::new(&chain, &q);
+    let after = |way: f64| posture.reciprocal_condition_after(&chain, &q, &SVector::<f64, 2>::new(0.0, way));
+    let at = |elbow: f64| {
+        let there = Posture::<2, 2>::new(&chain, &SVector::<f64, 2>::new(0.4, elbow));
+        there.inverse(0.0).expect("not singular").reciprocal_condition
+    };
+    assert!((after(0.0) - at(0.05)).abs() < ROUNDING);
+    for way in [-0.03, -0.01, 0.02] {
+        assert!((after(way) / at(0.05 + way) - 1.0).abs() < 0.01, "{way}: {} {}", after(way), at(0.05 + way));
+    }
+    // The mirrored posture is as far from singular, but on the other side.
+    assert!((after(-0.1) / at(-0.05) + 1.0).abs() < 0.01, "{}", after(-0.1));
+}
+
 #[test]
 fn a_jacobian_that_is_not_finite_is_singular() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {

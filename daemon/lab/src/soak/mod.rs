@@ -5,6 +5,7 @@ mod files;
 mod injection;
 pub(crate) mod observer;
 mod outside;
+mod pace;
 mod recording;
 mod tally;
 mod touch;

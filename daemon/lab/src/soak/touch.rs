@@ -11,6 +11,7 @@ use ipc_types::{Mode, Node, RequestKind, Subscriber, TruthSample};
 use super::files::{SETTLE_S, config, scenario};
 use super::injection::{Fault, PRESSES_S, RETREATS_S, STANDS_S, Touch};
 use super::outside::Held;
+use super::pace::Pace;
 use super::recording::Recording;
 use super::tally::{Tally, Window};
 use admittancectl::session::Session;
@@ -142,7 +143,9 @@ impl Stage {
         self.session.start("plant", "role-plant", &[OsStr::new("--scenario"), file.as_os_str()])?;
         let (mut now, mut time) = (UnderWay::default(), f64::NEG_INFINITY);
         let (mut was_reset, mut is_ending, mut control) = (false, false, Err("the motion did not end".to_owned()));
+        let mut pace = Pace::new();
         loop {
+            pace.look(time);
             let ended = self.session.exit_status("plant");
             while let Ok(Some(truth)) = self.truths.receive() {
                 time = truth.scenario_time_s;
@@ -152,13 +155,13 @@ impl Stage {
             if !was_reset && time > -SETTLE_S / 2.0 && time < 0.0 {
                 was_reset = true;
                 // Whether it helped is checked at the end.
-                let _ = self.control();
+                let _ = pace.time(|| self.control());
             }
             if let Some(fault) = fault {
                 self.go_on(touch, fault, time, &mut now)?;
             }
             if control.is_err() && time > PRESSES_S + RETREATS_S + 0.05 {
-                control = self.control();
+                control = pace.time(|| self.control());
             }
             if control.is_ok() && !is_ending && time > PRESSES_S + RETREATS_S + STANDS_S {
                 is_ending = true;
@@ -170,6 +173,7 @@ impl Stage {
                 }
                 let failure = self.session.failure("plant", status).1;
                 self.session.forget("plant");
+                let control = control.map_err(|how| format!("{how} ({pace})"));
                 return Ok(if status.success() { control } else { Err(failure) });
             }
             let is_killed = fault.is_some_and(Fault::ends_daemon);

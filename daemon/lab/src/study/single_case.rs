@@ -66,17 +66,46 @@ pub(crate) fn save(seed: u64, index: u64, directory: &Path) -> Result<(), String
 
 #[cfg(test)]
 mod tests {
+    use ipc_types::StopReason;
+
     use super::*;
-    use crate::study::closed_loop;
-    use crate::study::controller::{Profile, Variant, controller, scenario};
+    use crate::study::closed_loop::{self, Seen};
+    use crate::study::controller::{controller, scenario};
+
+    fn seen(seed: u64, index: u64) -> (Draw, Seen) {
+        let draw = Draw::new(seed, index).unwrap();
+        let config = controller(&draw, Profile::Default, Variant::Nominal).unwrap();
+        let seen = closed_loop::run(&config, &scenario(&draw).unwrap()).unwrap();
+        (draw, seen)
+    }
 
     /// A contact that a study has found: after a bounce that no sample showed, the arm came back
     /// as fast as it came first, and was stopped at 1.26 times what was attainable.
     #[test]
     fn a_bounce_between_two_samples_is_no_reason_to_stop() {
-        let draw = Draw::new(246_883, 137).unwrap();
-        let config = controller(&draw, Profile::Default, Variant::Nominal).unwrap();
-        let seen = closed_loop::run(&config, &scenario(&draw).unwrap()).unwrap();
+        let (_, seen) = seen(246_883, 137);
         assert!(seen.is_feasible() && !seen.stopped(), "{seen:?}");
+    }
+
+    /// Impacts that studies have found: the plan rode on the limit, until what the model leaves out
+    /// of a turning arm had used up the tolerance.
+    #[test]
+    fn an_impact_near_what_is_attainable_is_not_refused_late() {
+        for index in [51, 1749, 2145, 2345] {
+            let (_, seen) = seen(27_713_072, index);
+            assert!(seen.is_feasible() && !seen.stopped(), "{index}: {seen:?}");
+        }
+    }
+
+    /// Slides to a singular pose that a study has found: stopped only there, the joints turned so
+    /// fast that their braking pressed with 2.5 and with 1.1 times the limit.
+    #[test]
+    fn a_slide_is_stopped_while_the_arm_can_still_come_to_rest_before_a_singular_pose() {
+        for index in [596, 415] {
+            let (draw, seen) = seen(89_506_016, index);
+            let limit = draw.normal_force_limit_n();
+            assert_eq!(seen.stop_reason, StopReason::Singular.code(), "{index}");
+            assert!(seen.peak_n < limit && seen.resting_force_n < 0.5 * limit, "{index}: limit {limit} N, {seen:?}");
+        }
     }
 }

@@ -70,8 +70,8 @@ config_section! {
         /// Whether the first valid sample without contact starts control.
         start_enabled: bool = true;
         /// Reciprocal condition number of the Jacobian below which the pose counts as singular and
-        /// stops the arm: in contact at a low force, for which there must be some way left to the
-        /// singularity.
+        /// stops the arm: in contact at a low force, from where the arm would come to rest at such a
+        /// pose, and with some way left to the singularity.
         minimum_reciprocal_condition: f64 = 0.05, unit "1", range 1e-6..=0.3;
     }
     cross_check answer_in_time;
