@@ -28,6 +28,8 @@ mod expectation;
 mod inward_way;
 mod joint_motion;
 mod lag_inverse;
+mod learning;
+mod settings;
 mod spring_history;
 mod surface_set;
 #[cfg(test)]
@@ -43,6 +45,7 @@ pub(crate) use inward_way::WayObserver;
 pub use joint_motion::JointMotion;
 pub(crate) use joint_motion::JointObserver;
 pub use lag_inverse::{NOISE_DEVIATIONS, NoiseWindow, WithoutLag};
+pub(crate) use settings::Settings;
 pub use surface_set::Prior;
 pub(crate) use surface_set::SurfaceSet;
 pub(crate) use way::Way;
@@ -77,49 +80,6 @@ pub enum ContactSign {
     /// From the surface normal. In contact every axis with a normal component has an upper bound;
     /// one without cannot join.
     Normal,
-}
-
-/// Settings of this stage.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Settings<const D: usize> {
-    /// The surface as configured.
-    pub surface: Surface<D>,
-    /// Where its contact point comes from.
-    pub contact_point: ContactPoint,
-    /// β and the release threshold.
-    pub thresholds: Thresholds<D>,
-    /// Where the sign of a contact comes from.
-    pub sign: ContactSign,
-    /// T_est per axis in s; 0 for ideal force measurement.
-    pub wrench_time_constant: SVector<f64, D>,
-    /// By how much later f̂ shows the force, besides.
-    pub wrench_dead_time: Span,
-    /// Standard deviation of f̂ per axis in N and N·m, as it is told; 0 where it is not.
-    pub wrench_noise: SVector<f64, D>,
-    /// f_max per axis in N and N·m.
-    pub force_limit: SVector<f64, D>,
-    /// T_s.
-    pub sampling_time: Span,
-}
-
-impl<const D: usize> Settings<D> {
-    /// The noise of f̂ to reckon with: where it is not told, what β leaves room for.
-    fn likely_noise(&self) -> SVector<f64, D> {
-        self.wrench_noise.zip_map(&self.thresholds.activation, |told, activation| {
-            if told > 0.0 { told } else { activation / NOISE_DEVIATIONS }
-        })
-    }
-
-    /// The set before anything was seen; `None` where the surface is told.
-    fn set(&self) -> Option<SurfaceSet> {
-        let ContactPoint::Learned(prior) = &self.contact_point else { return None };
-        let (thresholds, normal) = (&self.thresholds, &self.surface.normal);
-        let mut felt = SurfaceSigns::of(normal).axes(&thresholds.admittance).peekable();
-        let lag = felt.peek().map_or(0.0, |axis| self.wrench_time_constant[*axis]);
-        let felt = felt.map(|axis| thresholds.activation[axis] / normal[axis].abs()).fold(f64::INFINITY, f64::min);
-        let depth = -self.surface.height(&self.surface.contact.position);
-        Some(SurfaceSet::new(prior, lag, self.wrench_noise.max(), felt, depth))
-    }
 }
 
 /// The belief as a record keeps it.
@@ -271,18 +231,6 @@ impl<const D: usize> Belief<D> {
         }
     }
 
-    /// The set after a sample, and the surface in it that is likeliest.
-    fn learn<const N: usize>(&mut self, sample: &Accepted<N, D>, way: Option<&Way>) {
-        let Some(set) = &mut self.set else { return };
-        let surface = &mut self.surface;
-        let depth = -surface.height(&sample.posture.pose().position);
-        let in_contact = self.contact.is_any();
-        set.follow(way, depth, surface.pressing_force(&sample.wrench), in_contact);
-        if let Some(spring) = set.likeliest().or(in_contact.then(|| set.unexplained())) {
-            surface.become_spring(spring.stiffness, spring.depth);
-        }
-    }
-
     /// Moves the surface to where the measured `pressing` force (N) says it is: a stop that a wrong
     /// model led to must not rely on that model, by which the spring presses with `spring` (N,
     /// negative above the surface) at the pose that f̂ shows.
@@ -323,16 +271,6 @@ impl<const D: usize> Belief<D> {
             set.forget();
             self.surface = self.settings.surface;
         }
-    }
-
-    /// What the surface may be, where only a range of it is told.
-    pub(crate) fn set(&self) -> Option<&SurfaceSet> {
-        self.set.as_ref()
-    }
-
-    /// Whether the surface is harder than the stiffest that was told.
-    pub(crate) fn is_outside_range(&self) -> bool {
-        self.set.as_ref().is_some_and(SurfaceSet::is_outside)
     }
 
     /// T_est of the axes that feel the surface, in s.

@@ -119,13 +119,8 @@ impl<const D: usize> Supervisor<D> {
     /// Whether a stop is under way because the model was wrong.
     pub(crate) fn doubts_model(&self) -> bool {
         let Mode::Stopping(Stopping { stop, .. }) = &self.mode else { return false };
-        matches!(
-            stop.reason,
-            StopReason::MeasuredForce
-                | StopReason::ForceExceeded
-                | StopReason::ModelDisagrees
-                | StopReason::SurfaceOutsideRange
-        )
+        use StopReason as R;
+        matches!(stop.reason, R::MeasuredForce | R::ForceExceeded | R::ModelDisagrees | R::SurfaceOutsideRange)
     }
 
     /// Goes to the mode that a cause leads to at the instant `at`.
