@@ -95,6 +95,18 @@ fn explanation(record: &CycleRecord) -> String {
                 command.verdict_time_s * 1e3
             )
         }
+        Some(StopReason::Infeasible) if command.verdict == Verdict::AtRisk.code() => {
+            let axis = AXIS_NAMES.get(command.verdict_axis as usize).unwrap_or(&"?");
+            format!(
+                ", too many surfaces that may be there can't be kept below the limit on {axis}: the worst exceeds it by {:.1} N \
+                 in {:.1} ms",
+                -command.verdict_margin,
+                command.verdict_time_s * 1e3
+            )
+        }
+        Some(StopReason::SurfaceOutsideRange) => {
+            ", it is harder than environment.stiffness_range_n_m allows: measure it, and give a wider range".to_owned()
+        }
         Some(StopReason::Singular) => record.report.singular.map_or_else(String::new, |singular| {
             format!(
                 ", the Jacobian is not invertible at the measured pose or, in contact, where the arm would come to rest: \
@@ -174,6 +186,14 @@ pub(crate) fn status_sentence(last: Option<&CycleRecord>) -> String {
     }
     if command.verdict == Verdict::Feasible.code() {
         text += &format!(", feasible with {:.1} N to spare", command.verdict_margin);
+    }
+    let [least, most] = record.sample.believed_stiffness_band_n_m;
+    if least < most && command.mode == Mode::Contact.code() {
+        let stiffness = record.sample.believed_stiffness_n_m;
+        text += &format!(", on a surface of {stiffness:.0} N/m ({least:.0} to {most:.0})");
+    }
+    if command.verdict == Verdict::AtRisk.code() && command.mode == Mode::Contact.code() {
+        text += &format!(", at risk: up to {:.1} N above the limit", -command.verdict_margin);
     }
     text + &explanation(record) + &complaint(record)
 }

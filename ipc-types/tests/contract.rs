@@ -42,11 +42,12 @@ fn compiled_layouts() -> Vec<Compiled> {
             rejected_count uptime_ns compute_time_ns status mode motion stop_reason active_axes verdict joint_count
             text_length verdict_margin verdict_time_s wrench velocity_offset law enabled force_limit wrench_bias
             normal_stiffness_n_m surface_normal contact_point text),
-        compiled!(RecordSample v 3: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
+        compiled!(RecordSample v 4: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
             dropped_count limited_count contact_losses kind iterations fault limited forced done stop_order enabled
             contact_point wrench law reserved force_limit wrench_bias normal_stiffness_n_m surface_normal
             belief_uncertainty_n expected_pressing_n expected_spring_n expected_stamp_ns tool_acceleration
-            joint_velocity joint_acceleration state command exceeded_count wrench_without_lag),
+            joint_velocity joint_acceleration state command exceeded_count wrench_without_lag
+            believed_stiffness_n_m believed_stiffness_band_n_m),
         compiled!(DiagnosticsSample v 3: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
             late_count missed_count rejected_count limited_count dropped_count contact_losses solver_failures mode motion
             stop_reason active_axes verdict verdict_axis verdict_side task_axes verdict_margin verdict_time_s wrench
@@ -170,7 +171,7 @@ fn a_changed_layout_needs_a_new_version_of_its_sample() {
         ("admittanced.TruthSample.v1", 0x7aeb_0f8a_3fab_11b8),
         ("admittanced.RequestSample.v1", 0x1f12_9cd2_b9c5_6793),
         ("admittanced.ResponseSample.v1", 0x778d_d0e0_b381_8895),
-        ("admittanced.RecordSample.v3", 0x162e_e0ea_2e6e_fba2),
+        ("admittanced.RecordSample.v4", 0xb1a1_64b9_6212_3fa0),
         ("admittanced.DiagnosticsSample.v3", 0x7f71_89b5_83a8_bdf8),
     ];
     assert_eq!(found, known, "a sample changed: raise the version in its type name, then change its fingerprint here");
@@ -181,7 +182,7 @@ fn a_changed_code_needs_a_new_schema_version() {
     let lines = ENUMS.iter().flat_map(|e| e.values.iter().map(|v| format!("{} {} {}", e.name, v.name, v.code)));
     assert_eq!(
         (ipc_types::SCHEMA_VERSION, fingerprint(lines)),
-        (1, 0x32f3_360d_3af5_81b4),
+        (1, 0x4d16_3e27_7e9f_5823),
         "a code changed: raise SCHEMA_VERSION unless values were only added, then change the fingerprint here"
     );
 }

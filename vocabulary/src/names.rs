@@ -40,6 +40,7 @@ vocabulary! {
         None = 0 "No verdict: no axis is in contact, or the law gives none.";
         Feasible = 1 "The limits can be met; the margin is the newtons left.";
         Infeasible = 2 "The limits cannot be met; axis, side, time and missing newtons are given.";
+        AtRisk = 3 "Some surfaces that may be there cannot be kept below the limit: the offset is that for the worst of them; axis, time and its newtons above the limit are given.";
     }
 }
 
@@ -74,6 +75,7 @@ vocabulary! {
         ModelDisagrees = 16 "The measured force differs from the predicted one, or contradicts the surface's sign.";
         ForceExceeded = 17 "The force, as it is without the lag of the wrench estimate, passed its limit by more than the guard allows.";
         SamplesMissed = 18 "State samples were missed, one after the other or again and again: what the law acted on was too old.";
+        SurfaceOutsideRange = 19 "The surface is harder than the stiffest that was told.";
     }
 }
 

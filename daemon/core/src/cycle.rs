@@ -3,7 +3,7 @@
 use admittance_vocabulary::{ModeName, Source};
 use nalgebra::{SVector, Vector6};
 
-use crate::belief::{Belief, JointMotion, JointObserver, Snapshot};
+use crate::belief::{Belief, ContactPoint, JointMotion, JointObserver, Snapshot, WayObserver};
 use crate::cycle_output::{Counters, CycleOutput, Outcome};
 use crate::intake::{Accepted, Event, Intake, SampleFault};
 use crate::mpc::qp::QpSolver;
@@ -21,6 +21,8 @@ pub struct Controller<const N: usize, const D: usize, S, B> {
     intake: Intake<N, D>,
     belief: Belief<D>,
     joints: JointObserver<N, D>,
+    /// Where the surface is learned, its way into it.
+    way: Option<WayObserver<N, D>>,
     supervisor: Supervisor<D>,
     mpc: Mpc<N, D, S, B>,
     output: Output<D>,
@@ -39,6 +41,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             intake: Intake::new(parameters.intake()),
             belief: Belief::new(parameters.belief()),
             joints: JointObserver::new(parameters.loops),
+            way: matches!(parameters.contact_point, ContactPoint::Learned(_))
+                .then(|| WayObserver::new(parameters.loops, parameters.surface)),
             supervisor: Supervisor::new(parameters.supervisor()),
             mpc: Mpc::new(parameters.mpc(), solver, storage).ok_or(ParameterError::Storage)?,
             output: Output::new(parameters.output()),
@@ -72,10 +76,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// Takes over the state of `old`, but keeps this controller's parameters.
     pub fn take_over(&mut self, old: &Self) {
         // Without `..`: whoever adds a field must decide here what becomes of it.
-        let Self { parameters: _, intake, belief, joints, supervisor, mpc: _, output, cycles } = old;
+        let Self { parameters: _, intake, belief, joints, way, supervisor, mpc: _, output, cycles } = old;
         self.intake.take_over(intake);
         self.belief.take_over(belief);
         self.joints.take_over(joints);
+        if let (Some(way), Some(old)) = (&mut self.way, way) {
+            way.take_over(old);
+        }
         self.supervisor.take_over(supervisor);
         self.output.take_over(output);
         self.cycles = *cycles;
@@ -88,19 +95,20 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         now: Instant,
         expired: &mut dyn FnMut() -> bool,
     ) -> CycleOutput<'_, N, D> {
-        let Self { parameters, intake, belief, joints, supervisor, mpc, output, cycles } = self;
+        let Self { parameters, intake, belief, joints, way, supervisor, mpc, output, cycles } = self;
         *cycles += 1;
         let sample = match intake.take(event, now) {
             Ok(sample) => sample,
             Err(fault) => return self.step_without_sample(fault, now),
         };
         let joints = joints.follow(sample, output.under_way());
+        let way = way.as_mut().and_then(|way| way.follow(sample, &joints, output.under_way()));
         belief.sense(sample);
         supervisor.count_exceeded(belief);
         let felt = belief.felt(&sample.wrench);
         supervisor.admit(sample, &felt);
         if supervisor.is_in_control() {
-            belief.follow(sample, &joints.velocity, &felt, supervisor.doubts_model());
+            belief.follow(sample, &joints.velocity, way.as_ref(), &felt, supervisor.doubts_model());
             let guards = supervisor.guard(sample, belief);
             if let Some(end) = supervisor.follow_contact(sample, belief) {
                 output.settle(end, sample, belief.surface());

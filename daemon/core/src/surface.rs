@@ -90,6 +90,13 @@ impl<const D: usize> Surface<D> {
         }
     }
 
+    /// Makes it a spring of this stiffness (N/m) that begins at this `depth` (m): the height of the
+    /// contact point is −depth.
+    pub(crate) fn become_spring(&mut self, stiffness: f64, depth: f64) {
+        self.stiffness = self.normal * self.normal.transpose() * stiffness;
+        self.raise(-depth - self.height(&self.contact.position));
+    }
+
     /// Height in m of a position along the outward normal.
     pub(crate) fn height(&self, position: &Vector3<f64>) -> f64 {
         linear_axes::<D>().map(|axis| self.normal[axis] * position[axis]).sum()

@@ -87,6 +87,13 @@ pub(crate) fn verdict_text(sample: &DiagnosticsSample) -> String {
                 sample.verdict_time_s * 1e3
             )
         }
-        _ => "no verdict".to_owned(),
+        Some(Verdict::AtRisk) => {
+            format!(
+                "at risk, up to {:.1} N above on {axis} in {:.1} ms",
+                -sample.verdict_margin,
+                sample.verdict_time_s * 1e3
+            )
+        }
+        Some(Verdict::None) | None => "no verdict".to_owned(),
     }
 }

@@ -1,6 +1,6 @@
 //! From the configuration to the core's parameters.
 
-use admittance_core::belief::{ContactPoint, ContactSign, Thresholds};
+use admittance_core::belief::{ContactPoint, ContactSign, Prior, Thresholds};
 use admittance_core::intake::{Conditioning, GivenIn, GivenSign, Timing};
 use admittance_core::mpc::Weights;
 use admittance_core::mpc::{
@@ -144,9 +144,14 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
                 _ => None,
             },
         },
-        contact_point: match environment.contact {
-            ContactPointName::Configured => ContactPoint::Configured,
-            ContactPointName::Detected => ContactPoint::Detected { wrench_noise: environment.wrench_noise_n },
+        contact_point: match (environment.unknown_stiffness(), environment.contact) {
+            (Some(stiffness), contact) => ContactPoint::Learned(Prior {
+                stiffness,
+                depth_tolerance: environment.contact_tolerance_m.filter(|_| contact == ContactPointName::Configured),
+                risk: config.contact.risk,
+            }),
+            (None, ContactPointName::Configured) => ContactPoint::Configured,
+            (None, ContactPointName::Detected) => ContactPoint::Detected { wrench_noise: environment.wrench_noise_n },
         },
         policy: Policy {
             on_infeasible: match mpc.on_infeasible {

@@ -64,6 +64,7 @@ fn write_verdict(command: &mut CommandSample, verdict: &Verdict) {
     let (axis, side, time, margin) = match *verdict {
         Verdict::None => (0, None, 0.0, 0.0),
         Verdict::Feasible { margin, axis, time } => (axis, Some(Side::Upper), time, margin),
+        Verdict::AtRisk { axis, time, excess, .. } => (axis, Some(Side::Upper), time, -excess),
         Verdict::Infeasible { axis, side, time, shortfall } => (axis, Some(side), time, -shortfall),
     };
     command.verdict_axis = axis as u32;

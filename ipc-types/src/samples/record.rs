@@ -8,7 +8,7 @@ use crate::{MAX_JOINTS, TASK_AXES};
 wire_sample! {
     /// Inputs and outputs of the daemon's law: everything that a replay or an inspection of a cycle
     /// needs.
-    struct RecordSample: "admittanced.RecordSample.v3", size 3016, writer "admittanced (service thread)" {
+    struct RecordSample: "admittanced.RecordSample.v4", size 3040, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every record"]
             "Number of this record; a reader that sees a gap has lost records. Restarts at 1 with a new boot_id.";
         8 now_ns: u64 ["ns", "CLOCK_MONOTONIC, not decreasing"]
@@ -91,5 +91,10 @@ wire_sample! {
         2968 wrench_without_lag: [f64; TASK_AXES] ["N, N m", "finite"]
             "The wrench with the lag of its estimate taken out: mean over the last cycles, as many as its noise needs; 0 \
              where the sample did not reach the law.";
+        3016 believed_stiffness_n_m: f64 ["N/m", ">= 0"]
+            "Stiffness along the normal as it is believed to be after this cycle.";
+        3024 believed_stiffness_band_n_m: [f64; 2] ["N/m", ">= 0"]
+            "Least and greatest stiffness that it may be: one standard deviation where a range of it was told, and else that \
+             stiffness.";
     }
 }

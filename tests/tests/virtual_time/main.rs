@@ -12,5 +12,6 @@ mod limits_are_constraints;
 mod paper_experiment;
 mod settling;
 mod stops_and_guards;
+mod unknown_surface;
 mod unlagged;
 mod velocity_loops;

@@ -25,20 +25,30 @@
 mod contact;
 mod detection;
 mod expectation;
+mod inward_way;
 mod joint_motion;
 mod lag_inverse;
+mod learning;
+mod settings;
 mod spring_history;
+mod surface_set;
 #[cfg(test)]
 mod tests;
+mod way;
 
 use nalgebra::{SVector, Vector3};
 
 pub use contact::Thresholds;
 pub(crate) use contact::{Contact, Felt, SurfaceSigns};
 pub use expectation::Expected;
+pub(crate) use inward_way::WayObserver;
 pub use joint_motion::JointMotion;
 pub(crate) use joint_motion::JointObserver;
 pub use lag_inverse::{NOISE_DEVIATIONS, NoiseWindow, WithoutLag};
+pub(crate) use settings::Settings;
+pub use surface_set::Prior;
+pub(crate) use surface_set::SurfaceSet;
+pub(crate) use way::Way;
 
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
@@ -58,6 +68,8 @@ pub enum ContactPoint {
         /// margin is reduced.
         wrench_noise: f64,
     },
+    /// Learned at touch, with the stiffness: the belief is a set.
+    Learned(Prior),
 }
 
 /// Where the sign of a contact comes from.
@@ -70,38 +82,6 @@ pub enum ContactSign {
     Normal,
 }
 
-/// Settings of this stage.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Settings<const D: usize> {
-    /// The surface as configured.
-    pub surface: Surface<D>,
-    /// Where its contact point comes from.
-    pub contact_point: ContactPoint,
-    /// β and the release threshold.
-    pub thresholds: Thresholds<D>,
-    /// Where the sign of a contact comes from.
-    pub sign: ContactSign,
-    /// T_est per axis in s; 0 for ideal force measurement.
-    pub wrench_time_constant: SVector<f64, D>,
-    /// By how much later f̂ shows the force, besides.
-    pub wrench_dead_time: Span,
-    /// Standard deviation of f̂ per axis in N and N·m, as it is told; 0 where it is not.
-    pub wrench_noise: SVector<f64, D>,
-    /// f_max per axis in N and N·m.
-    pub force_limit: SVector<f64, D>,
-    /// T_s.
-    pub sampling_time: Span,
-}
-
-impl<const D: usize> Settings<D> {
-    /// The noise of f̂ to reckon with: where it is not told, what β leaves room for.
-    fn likely_noise(&self) -> SVector<f64, D> {
-        self.wrench_noise.zip_map(&self.thresholds.activation, |told, activation| {
-            if told > 0.0 { told } else { activation / NOISE_DEVIATIONS }
-        })
-    }
-}
-
 /// The belief as a record keeps it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snapshot {
@@ -112,6 +92,10 @@ pub struct Snapshot {
     pub uncertainty: f64,
     /// The force that f̂ should show.
     pub expected: Expected,
+    /// Stiffness along the normal, N/m, and what it may be besides: one deviation.
+    pub stiffness: f64,
+    /// Its band.
+    pub stiffness_band: (f64, f64),
 }
 
 /// The stage.
@@ -125,6 +109,8 @@ pub(crate) struct Belief<const D: usize> {
     expected: Expected,
     springs: SpringHistory,
     lag_inverse: LagInverse<D>,
+    /// What the surface may be, where only a range of it is told.
+    set: Option<SurfaceSet>,
 }
 
 impl<const D: usize> Belief<D> {
@@ -143,6 +129,7 @@ impl<const D: usize> Belief<D> {
                 &settings.force_limit,
                 settings.sampling_time,
             ),
+            set: settings.set(),
             settings,
         }
     }
@@ -154,6 +141,10 @@ impl<const D: usize> Belief<D> {
         self.surface.contact.position = snapshot.contact_point;
         self.detection = Detection::with_uncertainty(snapshot.uncertainty);
         self.expected = snapshot.expected;
+        if self.set.is_some() {
+            self.surface.become_spring(snapshot.stiffness, -self.surface.height(&snapshot.contact_point));
+            self.surface.contact.position = snapshot.contact_point;
+        }
         self.springs.push(snapshot.expected.stamp, snapshot.expected.spring);
         self
     }
@@ -161,13 +152,16 @@ impl<const D: usize> Belief<D> {
     /// Takes over the state of `old`, with these settings: a configured contact point replaces the
     /// old one.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, signs: _, surface, contact, detection, expected, springs, lag_inverse } = old;
+        let Self { settings: _, signs: _, surface, contact, detection, expected, springs, lag_inverse, set } = old;
         if self.settings.contact_point != ContactPoint::Configured {
             self.surface.contact = surface.contact;
         }
         (self.contact, self.detection, self.expected) = (*contact, *detection, *expected);
         self.springs = *springs;
         self.lag_inverse.take_over(lag_inverse);
+        if let (Some(set), Some(old)) = (&mut self.set, set) {
+            set.take_over(old);
+        }
     }
 
     /// Which axes feel a force above β.
@@ -201,15 +195,17 @@ impl<const D: usize> Belief<D> {
         &mut self,
         sample: &Accepted<N, D>,
         joint_velocity: &SVector<f64, N>,
+        way: Option<&Way>,
         felt: &Felt<D>,
         doubted: bool,
     ) {
         let Settings { thresholds, sign, contact_point, .. } = &self.settings;
+        let contact_point = *contact_point;
         let by_surface = (*sign == ContactSign::Normal).then_some(&self.signs);
         let was_in_contact = self.contact.is_any();
         self.contact = self.contact.update(thresholds, felt, by_surface, &sample.wrench);
         let lag = self.lag();
-        if let ContactPoint::Detected { wrench_noise } = *contact_point {
+        if let ContactPoint::Detected { wrench_noise } = contact_point {
             let in_contact = self.contact.is_any();
             self.detection.update(&mut self.surface, sample, joint_velocity, in_contact, lag, wrench_noise);
             if self.contact.is_any() && !was_in_contact {
@@ -217,14 +213,18 @@ impl<const D: usize> Belief<D> {
                 self.expected.spring = self.detection.spring_before(&self.surface).max(0.0);
             }
         }
+        self.learn(sample, way);
         let pressing = self.surface.pressing_force(&sample.wrench);
         let spring = self.surface.spring_force(sample.posture.pose());
         self.springs.push(sample.stamp, spring);
         let shown = self.springs.at(sample.stamp - self.settings.wrench_dead_time);
-        if self.contact.is_any() || *contact_point == ContactPoint::Configured {
+        if self.contact.is_any() || contact_point == ContactPoint::Configured {
             self.expected.follow(sample.stamp, shown.max(0.0), lag);
         } else {
             self.expected.begin(sample.stamp, shown.max(0.0), pressing);
+        }
+        if let Some(set) = &self.set {
+            self.expected.pressing = set.expected().unwrap_or(pressing);
         }
         if doubted && self.contact.is_any() {
             self.trust_force(pressing, shown);
@@ -267,6 +267,10 @@ impl<const D: usize> Belief<D> {
         if self.settings.contact_point == ContactPoint::Configured {
             self.surface.contact = self.settings.surface.contact;
         }
+        if let Some(set) = &mut self.set {
+            set.forget();
+            self.surface = self.settings.surface;
+        }
     }
 
     /// T_est of the axes that feel the surface, in s.
@@ -308,7 +312,7 @@ impl<const D: usize> Belief<D> {
     /// By how much the force may be wrong because the contact point is uncertain, in N.
     pub(crate) fn uncertainty(&self) -> f64 {
         match self.settings.contact_point {
-            ContactPoint::Configured => 0.0,
+            ContactPoint::Configured | ContactPoint::Learned(_) => 0.0,
             ContactPoint::Detected { .. } => self.detection.uncertainty(),
         }
     }
@@ -316,6 +320,9 @@ impl<const D: usize> Belief<D> {
     /// What a record keeps.
     pub(crate) fn snapshot(&self) -> Snapshot {
         let uncertainty = self.uncertainty();
-        Snapshot { contact_point: self.surface.contact.position, uncertainty, expected: self.expected }
+        let stiffness = self.surface.normal_stiffness();
+        let stiffness_band = self.set.as_ref().map_or((stiffness, stiffness), SurfaceSet::stiffness_band);
+        let contact_point = self.surface.contact.position;
+        Snapshot { contact_point, uncertainty, expected: self.expected, stiffness, stiffness_band }
     }
 }

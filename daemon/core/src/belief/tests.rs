@@ -90,7 +90,7 @@ fn follow(belief: &mut Belief<2>, sample: &Sample<2, 2>, doubted: bool) {
 fn follow_moving(belief: &mut Belief<2>, sample: &Sample<2, 2>, joint_velocity: &Vector2<f64>, doubted: bool) {
     let sample = accepted(sample);
     let felt = belief.felt(&sample.wrench);
-    belief.follow(&sample, joint_velocity, &felt, doubted);
+    belief.follow(&sample, joint_velocity, None, &felt, doubted);
 }
 
 #[test]

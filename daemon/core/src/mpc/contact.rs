@@ -6,6 +6,7 @@ use nalgebra::SVector;
 use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
+use super::every_surface::{of_set, pressing_everywhere};
 use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
@@ -45,7 +46,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     ) -> Solution<&Plan<D>> {
         let Options { limit_tolerance: tolerance, force_limit, .. } = self.settings.options;
         // A plan that rides on the limit would miss it by what the linear model leaves out.
-        let levels = [-ROOM * tolerance, 0.0, tolerance];
+        // A set has its own room: what is uncertain.
+        let room = if situation.belief.set().is_some() { 0.0 } else { ROOM };
+        let levels = [-room * tolerance, 0.0, tolerance];
         let mut level = levels[0];
         let mut solution = self.press_within(level, situation, demand, expired);
         for next in levels {
@@ -84,9 +87,22 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             InputSelection::Active => demand.active,
             InputSelection::All => settings.admittance,
         };
+        let set = situation.belief.set();
+        let of_set = set.and_then(|set| of_set(self, set, situation, &demand.signs, tolerance));
+        if let Some(verdict) = of_set.and_then(|bounds| bounds.stop()) {
+            return Solution::Infeasible { verdict, iterations: 0 };
+        }
+        // Where every surface that may be there presses with a force, as that of the likeliest.
+        let pressing = |force: f64| set.map_or(force, |set| pressing_everywhere(set, situation, force));
         let mut bounds = ForceBounds::none();
         for axis in (0..D).filter(|&axis| demand.signs[axis] != 0.0) {
             let (sign, minimum) = (demand.signs[axis], demand.minimum[axis]);
+            if let Some(of_set) = &of_set {
+                let part = surface.normal[axis].abs();
+                let minimum = if minimum > f64::NEG_INFINITY { pressing(minimum / part) * part } else { minimum };
+                bounds.push(of_set.bound(axis, sign, minimum, &surface.normal));
+                continue;
+            }
             bounds.push(AxisBound { axis, sign, minimum, maximum: options.force_limit[axis] * (1.0 + tolerance) });
         }
         let is_soft = options.lower_bound == LowerBound::OnceReached;
@@ -122,7 +138,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let along_normal = |bound: &AxisBound| bound.minimum / surface.normal[bound.axis].abs();
         let felt = bounds.as_slice().iter().filter(feels);
         let kept = if is_soft { felt.map(along_normal).fold(0.0, f64::max) } else { 0.0 };
-        let normal_force = options.normal_force_reference.max(kept);
+        let normal_force = match set {
+            None => options.normal_force_reference.max(kept),
+            Some(_) => pressing(options.normal_force_reference).max(kept),
+        };
         // Which way the arm shall move: along the surface, and away from it as fast as the force
         // settles.
         let settling = if holds && demand.settles {
@@ -157,7 +176,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             let way = (&(sample.twist_reference + output.offset()), &(sample.twist_reference + slowing));
             constraints.bound_inward_speed(demand.inward_speed, &surface.normal, known_twist, way, options.steps());
         }
-        let drift = if is_soft && !demand.settles {
+        if let (Some(speed), Some(bound)) =
+            (of_set.and_then(|bounds| bounds.way_back(&settings, situation)), &mut constraints.normal_speed)
+        {
+            bound.least[0] = bound.least[0].max(speed - surface.outward_speed(&known_twist[0]));
+        }
+        // (The deepest point of a set counts without the arm's turning.)
+        let drift = if is_soft && !demand.settles && set.is_none() {
             // Until it is halted the arm turns as it does now, and more and more as it will slide.
             let [now, later] = [situation.joints.velocity, situation.joint_velocity(&sliding)]
                 .map(|joint_velocity| situation.normal_lead(&settings, &joint_velocity).clamp(-MOST_DRIFT, MOST_DRIFT));
@@ -187,7 +212,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             slack: holds.then_some(KEPT),
         };
         let solution = self.solve(situation, &prediction, known_twist, expired);
-        solution.shifted(start.delay, situation.belief.uncertainty())
+        let solution = solution.shifted(start.delay, situation.belief.uncertainty());
+        match (solution, of_set.and_then(|bounds| bounds.at_risk())) {
+            (Solution::Planned { plan, iterations, .. }, Some(verdict)) => {
+                Solution::Planned { plan, verdict, iterations }
+            }
+            (solution, _) => solution,
+        }
     }
 }
 

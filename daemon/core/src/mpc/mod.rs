@@ -54,8 +54,10 @@ pub mod constraints;
 mod contact;
 #[doc(hidden)]
 pub mod cost;
+mod every_surface;
 #[doc(hidden)]
 pub mod force_points;
+mod full_outward;
 mod growing_steps;
 #[doc(hidden)]
 pub mod horizon;

@@ -22,6 +22,18 @@ pub enum Verdict {
         /// When, in s from the sample.
         time: f64,
     },
+    /// Not for every surface of the set that is believed in: the inputs found are those for the
+    /// worst of it.
+    AtRisk {
+        /// The share of surfaces that can't be kept below the limit.
+        share: f64,
+        /// Newtons by which the worst of them exceeds it.
+        excess: f64,
+        /// The axis whose limit that is.
+        axis: usize,
+        /// When, in s from the sample.
+        time: f64,
+    },
     /// No input meets all bounds.
     Infeasible {
         /// The axis of the row that weighs most in the proof.
@@ -41,8 +53,14 @@ impl Verdict {
         match self {
             Self::None => VerdictName::None,
             Self::Feasible { .. } => VerdictName::Feasible,
+            Self::AtRisk { .. } => VerdictName::AtRisk,
             Self::Infeasible { .. } => VerdictName::Infeasible,
         }
+    }
+
+    /// Newtons by which some bound must at least be violated.
+    pub(super) fn shortfall(&self) -> f64 {
+        if let Self::Infeasible { shortfall, .. } = self { *shortfall } else { 0.0 }
     }
 
     /// Counts its newtons from the limit itself, where it is about one that is larger by the part
@@ -51,7 +69,7 @@ impl Verdict {
         match self {
             Self::Feasible { margin, axis, .. } => *margin -= level * force_limit[*axis],
             Self::Infeasible { shortfall, axis, .. } => *shortfall += level * force_limit[*axis],
-            Self::None => {}
+            Self::AtRisk { .. } | Self::None => {}
         }
     }
 
@@ -63,7 +81,8 @@ impl Verdict {
                 *time += delay;
             }
             Self::Infeasible { time, .. } => *time += delay,
-            Self::None => {}
+            // Counted from the sample already.
+            Self::AtRisk { .. } | Self::None => {}
         }
     }
 }

@@ -23,6 +23,7 @@ vocabulary! {
         MeasuredForce = 11 "The measured force is above its limit by more than the guard allows.";
         ForceExceeded = 24 "The force without the lag of its estimate is above its limit by more than the guard allows.";
         ModelDisagrees = 12 "The measured force is not the predicted one, or pulls.";
+        SurfaceOutsideRange = 26 "The surface is harder than the stiffest that was told.";
         Infeasible = 13 "No input meets the force bounds.";
         FallbackExhausted = 14 "Too many cycles in a row in which the solver ran out of time.";
         SolverFailed = 15 "Too many cycles in a row in which the solver gave no usable answer.";
@@ -52,6 +53,7 @@ impl Cause {
             Self::MeasuredForce => Some(StopReason::MeasuredForce),
             Self::ForceExceeded => Some(StopReason::ForceExceeded),
             Self::ModelDisagrees => Some(StopReason::ModelDisagrees),
+            Self::SurfaceOutsideRange => Some(StopReason::SurfaceOutsideRange),
             Self::Infeasible => Some(StopReason::Infeasible),
             Self::FallbackExhausted => Some(StopReason::FallbackExhausted),
             Self::SolverFailed => Some(StopReason::SolverFailed),
@@ -90,6 +92,7 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             C::Touch | C::Release | C::ContactLost | C::Disabled | C::Shutdown | C::DrivesDisabled => Idle,
             C::RateMismatch | C::Singular | C::NearlySingular | C::MeasuredForce | C::ForceExceeded => Idle,
             C::ModelDisagrees
+            | C::SurfaceOutsideRange
             | C::Infeasible
             | C::FallbackExhausted
             | C::SolverFailed
@@ -102,7 +105,7 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             C::Touch => Contact,
             C::Disabled | C::Shutdown | C::DrivesDisabled | C::RateMismatch | C::SamplesMissed | C::Silence => Idle,
             // What pulls may be the surface: held at once, what the joints still turn would press.
-            C::ModelDisagrees => Stopping,
+            C::ModelDisagrees | C::SurfaceOutsideRange => Stopping,
             // A force on no axis in contact: the surface's model cannot stop what the arm has met.
             C::MeasuredForce | C::ForceExceeded | C::StartedInContact | C::Singular => Stopped,
             C::NearlySingular | C::SampleStale | C::SampleInvalid | C::JointCount => Stopped,
@@ -121,7 +124,8 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             },
             // In contact the arm stops at the lowest force, as long as it can be controlled.
             C::Disabled | C::Shutdown | C::RateMismatch | C::NearlySingular | C::MeasuredForce => Stopping,
-            C::ForceExceeded | C::ModelDisagrees | C::FallbackExhausted | C::SolverFailed => Stopping,
+            C::ForceExceeded | C::ModelDisagrees | C::SurfaceOutsideRange => Stopping,
+            C::FallbackExhausted | C::SolverFailed => Stopping,
             C::Silence | C::SampleStale | C::SampleInvalid | C::JointCount | C::SamplesMissed => Stopping,
             C::StartedInContact | C::DrivesDisabled | C::Singular => Stopped,
             C::Ready | C::Touch | C::RetreatOver | C::Rest | C::Reset | C::ForcedReset => Contact,
@@ -132,6 +136,7 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             C::Ready | C::Touch | C::Release | C::ContactLost | C::Disabled | C::Shutdown => Stopping,
             C::RateMismatch | C::NearlySingular | C::MeasuredForce | C::ForceExceeded => Stopping,
             C::ModelDisagrees
+            | C::SurfaceOutsideRange
             | C::Infeasible
             | C::FallbackExhausted
             | C::SolverFailed
@@ -147,6 +152,7 @@ pub fn decide(mode: ModeName, cause: Cause, policy: Policy) -> ModeName {
             C::Disabled | C::Shutdown | C::DrivesDisabled | C::RateMismatch | C::Singular => Stopped,
             C::NearlySingular | C::MeasuredForce | C::ForceExceeded | C::ModelDisagrees | C::Infeasible => Stopped,
             C::FallbackExhausted | C::SolverFailed | C::Silence | C::SampleStale | C::SampleInvalid => Stopped,
+            C::SurfaceOutsideRange => Stopped,
             C::JointCount | C::SamplesMissed | C::RetreatOver | C::Rest => Stopped,
         },
     }

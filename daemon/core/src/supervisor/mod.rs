@@ -119,7 +119,8 @@ impl<const D: usize> Supervisor<D> {
     /// Whether a stop is under way because the model was wrong.
     pub(crate) fn doubts_model(&self) -> bool {
         let Mode::Stopping(Stopping { stop, .. }) = &self.mode else { return false };
-        matches!(stop.reason, StopReason::MeasuredForce | StopReason::ForceExceeded | StopReason::ModelDisagrees)
+        use StopReason as R;
+        matches!(stop.reason, R::MeasuredForce | R::ForceExceeded | R::ModelDisagrees | R::SurfaceOutsideRange)
     }
 
     /// Goes to the mode that a cause leads to at the instant `at`.
@@ -223,7 +224,8 @@ impl<const D: usize> Supervisor<D> {
             Mode::Contact(memory) => measured.or(exceeded).or_else(|| {
                 let mismatches = guards.mismatches(&sample.wrench, noise, belief);
                 memory.mismatches = if mismatches { memory.mismatches + 1 } else { 0 };
-                guards.disagrees(memory.mismatches)
+                let outside = || belief.is_outside_range().then_some(Cause::SurfaceOutsideRange);
+                guards.disagrees(memory.mismatches).or_else(outside)
             }),
             Mode::Idle(_) | Mode::Stopping(_) | Mode::Stopped(_) => None,
         }

@@ -47,8 +47,9 @@ const RECORD_VERSION: &str = "record_version";
 /// The present one. Version 1 had no such key, and recorded only the contact point of the belief;
 /// version 2 recorded neither the tool's acceleration nor the joints' motion as the law sees it, nor
 /// the wrench without the lag of its estimate and how often that was too large; up to version 3
-/// modes, reasons and the like were codes, not names.
-pub(crate) const PRESENT_RECORD_VERSION: u32 = 4;
+/// modes, reasons and the like were codes, not names; up to version 4 the stiffness that is believed
+/// in was not recorded.
+pub(crate) const PRESENT_RECORD_VERSION: u32 = 5;
 /// Metadata: the checksum of the other entries. A file that breaks off has none of its data.
 const CHECKSUM: &str = "crc32";
 

@@ -63,4 +63,8 @@ pub(super) fn copy_missing(version: u32, replayed: &mut RecordSample, record: &R
         replayed.exceeded_count = record.exceeded_count;
         replayed.wrench_without_lag = record.wrench_without_lag;
     }
+    if version < 5 {
+        replayed.believed_stiffness_n_m = record.believed_stiffness_n_m;
+        replayed.believed_stiffness_band_n_m = record.believed_stiffness_band_n_m;
+    }
 }

@@ -111,6 +111,7 @@ fn verdict_look(verdict: u32) -> (&'static str, &'static str) {
     match Verdict::from_code(verdict) {
         Some(Verdict::Feasible) => ("feasible", "#2E6F95"),
         Some(Verdict::Infeasible) => ("infeasible", "#8E1B3A"),
+        Some(Verdict::AtRisk) => ("at risk", "#B7791F"),
         Some(Verdict::None) | None => ("no verdict", "#77736A"),
     }
 }

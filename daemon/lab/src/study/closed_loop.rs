@@ -101,7 +101,7 @@ pub(crate) fn run(config: &Config, scenario: &Scenario) -> Result<Seen, String> 
     Ok(seen)
 }
 
-fn first_active(position: &[f64], velocity: &[f64], truth: &TruthSample) -> FirstActive {
+pub(crate) fn first_active(position: &[f64], velocity: &[f64], truth: &TruthSample) -> FirstActive {
     FirstActive {
         joint_position_rad: [position[0], position[1]],
         joint_velocity_rad_s: [velocity[0], velocity[1]],

@@ -22,6 +22,9 @@ const CONDITION_AT_CONTACT: f64 = 0.1;
 const CONDITION_ON_PATH: f64 = 0.05;
 /// Share of the joint speed limit that the commanded approach may take.
 const APPROACH_SHARE: f64 = 0.9;
+/// Stiffness in N/m.
+pub(crate) const SOFTEST_N_M: f64 = 1e4;
+const HARDEST_N_M: f64 = 1e6;
 const MOST_TRIES: u32 = 100_000;
 const PATH_STEPS: u32 = 20;
 
@@ -66,10 +69,18 @@ impl Draw {
     /// # Errors
     /// A sentence when no acceptable pose is found, which the ranges make all but impossible.
     pub(crate) fn new(seed: u64, index: u64) -> Result<Self, String> {
+        Self::up_to(HARDEST_N_M, seed, index)
+    }
+
+    /// The same among surfaces of at most `hardest_n_m`.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(crate) fn up_to(hardest_n_m: f64, seed: u64, index: u64) -> Result<Self, String> {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(index);
         // Kept over all tries, so that rejected poses do not distort its distribution.
-        let stiffness_n_m = log_uniform(&mut generator, 1e4, 1e6);
+        let stiffness_n_m = log_uniform(&mut generator, SOFTEST_N_M, hardest_n_m);
         // Evenly drawn speeds and limits are mostly far from what is attainable, at high stiffness
         // above all; every second case is drawn near that boundary.
         let near_the_boundary = index % 2 == 1;

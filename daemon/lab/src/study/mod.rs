@@ -14,6 +14,7 @@ mod single_case;
 mod speed_figure;
 mod statistics;
 mod table;
+mod unknown;
 
 use std::path::PathBuf;
 
@@ -71,6 +72,18 @@ struct VerdictArgs {
     /// Seed of the random contacts.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Surfaces of which so much is told: all (contact point detected), or a range of stiffness.
+    #[arg(long, value_enum)]
+    surface: Option<unknown::Told>,
+    /// With --surface: standard deviation of the wrench's noise in N, which is told.
+    #[arg(long, default_value_t = 0.0, requires = "surface")]
+    noise_n: f64,
+    /// With --surface: from which share of surfaces that can't be kept on to stop, contact.risk.
+    #[arg(long, requires = "surface")]
+    risk: Option<f64>,
+    /// With --surface: one case of it, in full.
+    #[arg(long, requires = "surface")]
+    index: Option<u64>,
     #[command(flatten)]
     options: offline::Options,
 }
@@ -107,6 +120,16 @@ fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
 
 fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
     let (options, threads) = (&args.options, args.options.threads());
+    if let Some(told) = args.surface {
+        let world = unknown::World { told, noise_n: args.noise_n, risk: args.risk, seed: args.seed };
+        if let Some(index) = args.index {
+            print!("{}", world.describe(index).map_err(|why| (Exit::Internal, why))?);
+            return Ok(Exit::Ok);
+        }
+        let figures = world.figures(args.runs, threads).map_err(|why| (Exit::Internal, why))?;
+        options.print(&figures, || serde_json::to_string_pretty(&figures).unwrap_or_default() + "\n")?;
+        return Ok(Exit::Ok);
+    }
     options.begin_figure()?;
     let cases = cases(args.seed, args.runs, threads).map_err(|why| (Exit::Internal, why))?;
     let mut figures = statistics::figures(args.seed, &cases);

@@ -65,6 +65,9 @@ config_section! {
         /// Part of the force limit by which a plan may exceed it before that is infeasible: for
         /// what a linear model leaves out.
         limit_tolerance: f64 = 0.0025, unit "1", range 0.0..=0.1;
+        /// With environment.stiffness_range_n_m: from which share of the surfaces that may be there,
+        /// and can't be kept below the limit, on to stop. 1 stops only where none can be kept.
+        risk: f64 = 0.99, unit "1", range 0.0..=1.0;
     }
     cross_check ordered_thresholds;
 }

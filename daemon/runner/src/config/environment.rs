@@ -25,6 +25,12 @@ config_section! {
         contact: ContactPointName = ContactPointName::Configured;
         /// Position of the TCP at first contact; not used with contact = "detected".
         contact_point_m: Option<[f64; 3]>, unit "m", range -100.0..=100.0;
+        /// Least and greatest stiffness along the normal, of a surface that is not known: then it is
+        /// learned at touch, and the law keeps the limit for all that it may still be.
+        /// normal_stiffness_n_m is what is believed before. Absent: that is the stiffness.
+        stiffness_range_n_m: Option<[f64; 2]>, unit "N/m", range 100.0..=1e8;
+        /// With a range: by how much the surface may be deeper or less deep than contact_point_m.
+        contact_tolerance_m: Option<f64>, unit "m", range 1e-6..=1.0;
         /// Standard deviation of the wrench's noise on one axis of x y z. The guards of [stopping]
         /// allow for five of them, and with contact = "detected" the verdict's margin is reduced by
         /// the force error that two of them cause through the contact point. 0 is not told.
@@ -32,7 +38,12 @@ config_section! {
         /// Orientation of the TCP at first contact: fixed-axis roll, pitch, yaw.
         contact_rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;
     }
-    cross_check known_contact_point;
+    cross_check known_surface;
+}
+
+fn known_surface(environment: &EnvironmentSection, path: &str, errors: &mut Vec<ConfigError>) {
+    known_contact_point(environment, path, errors);
+    super::unknown_surface::check(environment, path, errors);
 }
 
 fn known_contact_point(environment: &EnvironmentSection, path: &str, errors: &mut Vec<ConfigError>) {

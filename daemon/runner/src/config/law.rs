@@ -57,7 +57,7 @@ fn accepted(config: &Config, error: ParameterError) -> String {
             contact.release_threshold, contact.force_limit
         ),
         ParameterError::Detection => "one value on all axes with a component of environment.surface_normal, and \
-             contact.wrench_dead_time_s = 0, with environment.contact = \"detected\""
+             contact.wrench_dead_time_s = 0, with environment.contact = \"detected\" or environment.stiffness_range_n_m"
             .to_owned(),
         other => other.to_string(),
     }

@@ -18,6 +18,7 @@ mod mpc;
 mod plausibility;
 mod requests;
 mod stopping;
+mod unknown_surface;
 mod warnings;
 mod wrench;
 
@@ -159,6 +160,9 @@ fn check_wrench_dead_time(config: &Config, errors: &mut Vec<ConfigError>) {
     }
     if found > 0.0 && config.environment.contact == ContactPointName::Detected {
         wants("0 with environment.contact = \"detected\"".to_owned());
+    }
+    if found > 0.0 && config.environment.unknown_stiffness().is_some() {
+        wants("0 with environment.stiffness_range_n_m".to_owned());
     }
     if found > 0.0 && config.wrench.tool_mass_kg > 0.0 {
         wants(format!(

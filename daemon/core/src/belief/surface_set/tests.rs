@@ -1,0 +1,189 @@
+//! The set against brute force: all stiffnesses and contact depths of a grid, each with its own
+//! filter.
+
+use super::*;
+use crate::belief::way::Piece;
+
+const LAG: f64 = 0.020;
+const CYCLE: f64 = 0.001;
+
+/// A tool that moves in at `speed`, is braked from 4 ms after the touch on, and a surface.
+struct World {
+    stiffness: f64,
+    begins: f64,
+    speed: f64,
+    noise: f64,
+    seed: u64,
+}
+
+impl World {
+    /// Depth at a time in s; it touches at 0.
+    fn depth(&self, time: f64) -> f64 {
+        let (braking, lag) = (time - 0.004, 0.012);
+        let back = if braking > 0.0 { braking - lag * (1.0 - libm::exp(-braking / lag)) } else { 0.0 };
+        self.begins + self.speed * (time - 1.3 * back)
+    }
+
+    /// A normal error, about: the sum of twelve even ones.
+    fn error(&mut self) -> f64 {
+        let mut sum = -6.0;
+        for _ in 0..12 {
+            self.seed = self.seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            sum += (self.seed >> 33) as f64 / f64::from(1_u32 << 31);
+        }
+        sum * self.noise
+    }
+
+    /// The way of a cycle that ends at `time`.
+    fn way(&self, time: f64) -> Way {
+        let mut way = Way::new();
+        for half in 0..2 {
+            let start = time - CYCLE + 0.5 * CYCLE * f64::from(half);
+            let depth = [0.0, 0.25, 0.5].map(|part| self.depth(start + part * CYCLE));
+            way.push(Piece { duration: 0.5 * CYCLE, depth }).unwrap();
+        }
+        way
+    }
+}
+
+/// What a fine filter shows of a spring, cycle after cycle.
+fn shown(world: &World, begins: f64, from: i32, cycles: i32) -> Vec<f64> {
+    let (parts, mut value) = (64, 0.0);
+    let left = libm::exp(-CYCLE / f64::from(parts) / LAG);
+    (from..from + cycles)
+        .map(|cycle| {
+            for part in 0..parts {
+                let time = CYCLE * (f64::from(cycle) + (f64::from(part) + 0.5) / f64::from(parts));
+                value = left * value + (1.0 - left) * (world.depth(time) - begins).max(0.0);
+            }
+            value
+        })
+        .collect()
+}
+
+extern crate std;
+use std::vec::Vec;
+
+fn set(noise: f64) -> SurfaceSet {
+    let prior = Prior { stiffness: (1e4, 5e5), depth_tolerance: None, risk: 0.99 };
+    SurfaceSet::new(&prior, LAG, noise, 5.0, 0.0)
+}
+
+#[test]
+fn the_set_of_a_touch_is_that_of_a_grid() {
+    // The grid of contact depths reaches so many seconds of the way to both sides.
+    for (stiffness, speed, noise, cycles, reach) in
+        [(8e4, 0.2, 0.5, 8, 0.004), (2e5, 0.1, 0.5, 12, 0.003), (2e4, 0.3, 2.0, 14, 0.02), (4e5, 0.1, 0.0, 6, 0.001)]
+    {
+        // Not on a node.
+        let mut world = World { stiffness, begins: 0.0123, speed, noise, seed: 5 };
+        let mut set = set(noise);
+        let before = 30;
+        let exact = shown(&world, world.begins, -before, before + cycles);
+        let mut forces = Vec::new();
+        for cycle in -before..cycles {
+            let time = CYCLE * f64::from(cycle + 1);
+            let force = world.stiffness * exact[(cycle + before) as usize] + world.error();
+            set.follow(Some(&world.way(time)), world.depth(time), force, force > 5.0);
+            forces.push(force);
+        }
+        let spring = set.likeliest().expect("noticed");
+        // Cost of every (c, k) against no contact.
+        let weight = |force: f64| 1.0 / (noise * noise + FLOOR * FLOOR + FLOOR_PART * FLOOR_PART * force * force);
+        let mut costs = Vec::new();
+        for step in 0..=300 {
+            let begins = world.begins + reach * speed * (f64::from(step) / 150.0 - 1.0);
+            let phi = shown(&world, begins, -before, before + cycles);
+            let (mut square, mut product) = (0.0, 0.0);
+            for (phi, force) in phi.iter().zip(&forces) {
+                square += weight(*force) * phi * phi;
+                product += weight(*force) * phi * force;
+            }
+            for part in 0..=1500 {
+                let k = 1e4 * libm::pow(50.0, f64::from(part) / 1500.0);
+                costs.push((k, begins, k * (k * square - 2.0 * product)));
+            }
+        }
+        let best = costs.iter().map(|(_, _, cost)| *cost).fold(f64::INFINITY, f64::min);
+        let Stage::Touch(touch) = &set.stage else { panic!("already held") };
+        let found = touch.found().unwrap();
+        assert!((found.cost - best).abs() < 0.3 + 1e-3 * best.abs(), "{} {best}", found.cost);
+        let scale = touch.scale(found.cost);
+        let (force, z) = (200.0, 3.0);
+        let inside = || costs.iter().filter(|(_, _, cost)| *cost <= best + z * z * scale);
+        let least = inside().map(|(k, c, _)| c + force / k).fold(f64::INFINITY, f64::min);
+        let most = inside().map(|(k, c, _)| c + force / k).fold(f64::NEG_INFINITY, f64::max);
+        let (low, high) = set.depths_of(force, z);
+        // Between two nodes the response is a straight line: 2 % of the force at most.
+        let near = 0.1 * (most - least) + 0.02 * force / stiffness;
+        assert!((low - least).abs() < near, "k {stiffness}: {low} {least}, {near}");
+        assert!((high - most).abs() < near, "k {stiffness}: {high} {most}, {near}");
+        assert!(low <= world.begins + force / stiffness && world.begins + force / stiffness <= high);
+        let deepest = world.begins + 0.8 * force / stiffness;
+        let strongest = inside().map(|(k, c, _)| k * (deepest - c)).fold(f64::NEG_INFINITY, f64::max);
+        let (found, wide) = (set.strongest(deepest, z), 0.1 * force + 0.1 * strongest);
+        assert!((found - strongest).abs() < wide, "{found} {strongest}");
+        // Shares: weights exp(−cost/2) on a grid even in k and in c.
+        let (mut all, mut above) = (0.0, 0.0);
+        for (k, c, cost) in &costs {
+            let weight = k * libm::exp(-0.5 * (cost - best) / scale);
+            all += weight;
+            above += if k * (deepest - c) > 0.8 * force { weight } else { 0.0 };
+        }
+        std::println!("k {stiffness}: {low} {least} {high} {most}; {found} {strongest}");
+        let share = set.share_above(0.8 * force, deepest);
+        std::println!("share {share} {}", above / all);
+        assert!((share - above / all).abs() < 0.2, "{share} {}", above / all);
+        assert!(spring.stiffness >= 1e4 && spring.stiffness <= 5e5);
+    }
+}
+
+#[test]
+fn a_held_surface_is_followed() {
+    let mut world = World { stiffness: 1e5, begins: 0.0123, speed: 0.1, noise: 0.5, seed: 11 };
+    let mut set = set(0.5);
+    let (before, cycles) = (30, 300);
+    // Pressed at rest after 40 ms, 0.8 mm deep.
+    let rest = |time: f64| 0.0123 + 0.0008 * libm::tanh((time + 0.001).max(-0.03) / 0.008);
+    let mut value = 0.0;
+    for cycle in -before..cycles {
+        let start = CYCLE * f64::from(cycle);
+        let mut way = Way::new();
+        for half in 0..2 {
+            let at = |part: f64| rest(start + CYCLE * (0.5 * f64::from(half) + part));
+            way.push(Piece { duration: 0.5 * CYCLE, depth: [at(0.0), at(0.25), at(0.5)] }).unwrap();
+        }
+        for part in 0..64 {
+            let left = libm::exp(-CYCLE / 64.0 / LAG);
+            let depth = rest(start + CYCLE * (f64::from(part) + 0.5) / 64.0);
+            value = left * value + (1.0 - left) * world.stiffness * (depth - world.begins).max(0.0);
+        }
+        let force = value + world.error();
+        set.follow(Some(&way), rest(start + CYCLE), force, force > 5.0);
+    }
+    assert!(matches!(set.stage, Stage::Hold(_)));
+    let spring = set.likeliest().unwrap();
+    let at = world.begins + 0.0008;
+    let force = spring.stiffness * (at - spring.depth);
+    assert!((force - 80.0).abs() < 1.0, "{force} {spring:?}");
+    assert!((spring.stiffness / 1e5 - 1.0).abs() < 0.2, "{spring:?}");
+    let (least, most) = set.depths_of(80.0, 3.0);
+    assert!(least < at && at < most && most - least < 1e-4, "{least} {most}");
+}
+
+#[test]
+fn a_surface_that_is_harder_than_told_is_found_out() {
+    for (stiffness, is_outside) in [(2e6, true), (4.5e5, false)] {
+        let mut world = World { stiffness, begins: 0.0123, speed: 0.1, noise: 0.5, seed: 3 };
+        let mut set = set(0.5);
+        let exact = shown(&world, world.begins, -30, 45);
+        let mut found = false;
+        for cycle in -30..15 {
+            let time = CYCLE * f64::from(cycle + 1);
+            let force = stiffness * exact[(cycle + 30) as usize] + world.error();
+            set.follow(Some(&world.way(time)), world.depth(time), force, force > 5.0);
+            found |= set.is_outside();
+        }
+        assert_eq!(found, is_outside, "{stiffness}");
+    }
+}

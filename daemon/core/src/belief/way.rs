@@ -1,0 +1,140 @@
+//! The way of the tool into the surface between two samples, and what a lag makes of it.
+
+/// Most pieces of a way.
+pub(crate) const MAX_PIECES: usize = 40;
+/// α below which the weights are a series.
+const SHORT: f64 = 0.02;
+
+/// A piece of the way in which the depth is a parabola.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Piece {
+    /// Length in s.
+    pub duration: f64,
+    /// Depth in m at its start, in the middle, at its end.
+    pub depth: [f64; 3],
+}
+
+/// The way from one sample to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Way {
+    pieces: [Piece; MAX_PIECES],
+    len: usize,
+    /// Length of the path along the surface, m.
+    pub along: f64,
+}
+
+impl Way {
+    /// No piece.
+    pub(crate) fn new() -> Self {
+        Self { pieces: [Piece { duration: 0.0, depth: [0.0; 3] }; MAX_PIECES], len: 0, along: 0.0 }
+    }
+
+    /// One more piece; `None` when there is no room.
+    #[must_use]
+    pub(crate) fn push(&mut self, piece: Piece) -> Option<()> {
+        *self.pieces.get_mut(self.len)? = piece;
+        self.len += 1;
+        Some(())
+    }
+
+    /// The pieces, in order.
+    pub(crate) fn pieces(&self) -> &[Piece] {
+        &self.pieces[..self.len]
+    }
+
+    /// How long it takes, s.
+    pub(crate) fn duration(&self) -> f64 {
+        self.pieces().iter().map(|piece| piece.duration).sum()
+    }
+
+    /// Depth at its end, m.
+    pub(crate) fn end(&self) -> f64 {
+        self.pieces().last().map_or(0.0, |piece| piece.depth[2])
+    }
+
+    /// Bends it by the cubic that ends with this depth (m) and rate (m/s) instead of those that it
+    /// has, `rate` being its own at the end.
+    pub(crate) fn bend(&mut self, depth: f64, rate: f64, wanted_rate: f64) {
+        let (duration, error) = (self.duration(), depth - self.end());
+        let rest = (wanted_rate - rate) * duration;
+        // x² (3 − 2x) ends with 1 and rate 0, x² (x − 1) with 0 and rate 1.
+        let cubic = |x: f64| x * x * ((3.0 - 2.0 * x) * error + (x - 1.0) * rest);
+        let mut time = 0.0;
+        for piece in &mut self.pieces[..self.len] {
+            for (index, depth) in piece.depth.iter_mut().enumerate() {
+                *depth += cubic((time + 0.5 * index as f64 * piece.duration) / duration);
+            }
+            time += piece.duration;
+        }
+    }
+}
+
+impl Piece {
+    /// What a lag of `lag` s keeps of its value, and the weights of the three depths in the
+    /// value at the end: exact for a parabola.
+    pub(crate) fn weights(&self, lag: f64) -> (f64, [f64; 3]) {
+        if lag <= 0.0 {
+            return (0.0, [0.0, 0.0, 1.0]);
+        }
+        let alpha = self.duration / lag;
+        let decay = libm::exp(-alpha);
+        // Moments of α exp(−α u), u from 0 (the end) to 1.
+        let moments = if alpha < SHORT {
+            let of = |n: f64| {
+                alpha
+                    * (1.0 / (n + 1.0) - alpha / (n + 2.0) + alpha * alpha / (2.0 * (n + 3.0))
+                        - alpha * alpha * alpha / (6.0 * (n + 4.0)))
+            };
+            [of(0.0), of(1.0), of(2.0)]
+        } else {
+            [
+                1.0 - decay,
+                (1.0 - decay * (1.0 + alpha)) / alpha,
+                (2.0 - decay * (alpha * (alpha + 2.0) + 2.0)) / (alpha * alpha),
+            ]
+        };
+        let [m0, m1, m2] = moments;
+        (decay, [2.0 * m2 - m1, 4.0 * (m1 - m2), m0 - 3.0 * m1 + 2.0 * m2])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lag_of_a_parabola_is_exact() {
+        // x = 0.01 + 0.3 t − 20 t², by a fine sum.
+        for (lag, duration) in [(0.02, 0.0005), (0.02, 0.00025), (0.001, 0.0005), (0.03, 0.004)] {
+            let x = |t: f64| 0.01 + t * (0.3 - 20.0 * t);
+            let piece = Piece { duration, depth: [x(0.0), x(0.5 * duration), x(duration)] };
+            let (decay, weights) = piece.weights(lag);
+            let shown = decay * 0.003 + weights.iter().zip(piece.depth).map(|(w, x)| w * x).sum::<f64>();
+            let steps = 20_000;
+            let h = duration / f64::from(steps);
+            let mut value = 0.003;
+            for step in 0..steps {
+                let left = libm::exp(-h / lag);
+                value = left * value + (1.0 - left) * x((f64::from(step) + 0.5) * h);
+            }
+            assert!((shown - value).abs() < 1e-10, "{shown} {value}");
+        }
+    }
+
+    #[test]
+    fn a_bent_way_ends_as_it_was_measured() {
+        let mut way = Way::new();
+        // 0.1 m/s for 4 ms, in 4 pieces.
+        for piece in 0..4 {
+            let at = |part: f64| 1e-4 * (f64::from(piece) + part);
+            way.push(Piece { duration: 0.001, depth: [at(0.0), at(0.5), at(1.0)] }).unwrap();
+        }
+        way.bend(4.1e-4, 0.1, 0.16);
+        let pieces = way.pieces();
+        assert_eq!(pieces[0].depth[0], 0.0);
+        assert!((way.end() - 4.1e-4).abs() < 1e-12);
+        let last = pieces[3].depth;
+        let rate = (3.0 * last[2] - 4.0 * last[1] + last[0]) / 0.001;
+        assert!((rate - 0.16).abs() < 2e-3, "{rate}");
+    }
+}

@@ -1,0 +1,180 @@
+//! The bounds of a contact whose surface is a set: on a plane all rows of the force are one row in
+//! depth, and so all surfaces of the set are one row.
+//!
+//! Forces here are those of the likeliest surface, along the normal: F̂ = k̂ (x − ĉ) stands for the
+//! depth x.
+
+use nalgebra::SVector;
+
+use super::constraints::{AxisBound, ForceBounds};
+use super::full_outward::{deepest_force, outward};
+use super::qp::QpSolver;
+use super::{Mpc, Settings, Situation, Verdict};
+use crate::belief::SurfaceSet;
+use admittance_vocabulary::Side;
+
+/// Standard deviations of the set that must be kept below the limit, and of the one in which no
+/// surface can be.
+const SURE: f64 = 3.0;
+const HOPELESS: f64 = 4.0;
+/// Standard deviations of the set that presses with f_min.
+const PRESSING: f64 = 1.0;
+/// Within so many seconds the tool comes back from there, with this part of its outward speed at
+/// most.
+const BACK: f64 = 0.01;
+const BACK_PART: f64 = 0.8;
+/// Part of f_max by which the row of a depth that can't be helped leaves room.
+const ROOM: f64 = 1e-3;
+/// A lower bound is at most this part of the upper one.
+const MOST_MINIMUM: f64 = 0.7;
+
+/// What a set asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SetBounds {
+    /// Upper bound along the normal, N of the likeliest surface.
+    pub maximum: f64,
+    /// By how much the tool is deeper now than where the first surface reaches f_max, N of the
+    /// likeliest surface.
+    excess: f64,
+    /// What can't be kept.
+    pub risk: Option<Risk>,
+}
+
+/// Surfaces that can't be kept below the limit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Risk {
+    /// The share of the set that they are.
+    pub share: f64,
+    /// Newtons above the limit of the worst.
+    pub excess: f64,
+    /// When it is deepest, s from the sample.
+    pub time: f64,
+    /// The axis whose limit it is.
+    pub axis: usize,
+    /// Whether to stop.
+    pub stops: bool,
+    /// Whether no surface can be kept.
+    pub is_hopeless: bool,
+}
+
+/// The bounds of a set for axes with these signs, from the start of the prediction; `None` where no
+/// axis is bounded.
+pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>>(
+    mpc: &Mpc<N, D, S, B>,
+    set: &SurfaceSet,
+    situation: &Situation<'_, N, D>,
+    signs: &[f64; D],
+    tolerance: f64,
+) -> Option<SetBounds> {
+    let (settings, surface) = (&mpc.settings, situation.belief.surface());
+    let along = |axis: usize| settings.options.force_limit[axis] / surface.normal[axis].abs();
+    let bounded = (0..D).filter(|&axis| signs[axis] != 0.0 && surface.normal[axis] != 0.0);
+    let axis = bounded.min_by(|a, b| along(*a).total_cmp(&along(*b)))?;
+    let limit = along(axis) * (1.0 + tolerance);
+    let (depth, shown) = scale(situation);
+    let reached = shown(set.depths_of(limit, SURE).0);
+    let (deepest, time) = deepest_of(settings, situation);
+    let helped = deepest + (ROOM + tolerance) * deepest.max(limit);
+    if set.likeliest().is_none() {
+        // A force that no surface explains yet is none that may be exceeded.
+        return Some(SetBounds { maximum: limit.max(helped), risk: None, excess: 0.0 });
+    }
+    if reached >= deepest {
+        return Some(SetBounds { maximum: reached, risk: None, excess: 0.0 });
+    }
+    let deepest_depth = depth(deepest);
+    let share = set.share_above(limit, deepest_depth);
+    let risk = Risk {
+        share,
+        excess: set.strongest(deepest_depth, SURE) - limit,
+        time,
+        axis,
+        stops: share > set.risk(),
+        is_hopeless: set.depths_of(limit, HOPELESS).1 < deepest_depth,
+    };
+    let excess = scaled_now(situation) - reached;
+    Some(SetBounds { maximum: helped, risk: Some(risk), excess })
+}
+
+/// The force of the likeliest surface now, along the normal, N.
+fn scaled_now<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -> f64 {
+    situation.belief.surface().spring_force(situation.sample.posture.pose())
+}
+
+/// The deepest point that can't be helped, in N of the likeliest surface, and when it is, s from the
+/// sample.
+fn deepest_of<const N: usize, const D: usize>(
+    settings: &Settings<N, D>,
+    situation: &Situation<'_, N, D>,
+) -> (f64, f64) {
+    let surface = situation.belief.surface();
+    // What comes until the inputs act, as a force above a bound of zero.
+    let largest = surface.normal.iamax();
+    let mut above_zero = ForceBounds::none();
+    let sign = -surface.normal[largest].signum();
+    above_zero.push(AxisBound { axis: largest, sign, minimum: f64::NEG_INFINITY, maximum: 0.0 });
+    let start = situation.at_action(settings, &above_zero);
+    let until = start.verdict.map_or(0.0, |verdict| verdict.shortfall()) / surface.normal[largest].abs();
+    let (after, time) = deepest_force(settings, situation, &start.state);
+    if until > after { (until, start.delay) } else { (after, start.delay + time) }
+}
+
+/// Depth in m of a force of the likeliest surface, and the other way round.
+fn scale<const N: usize, const D: usize>(
+    situation: &Situation<'_, N, D>,
+) -> (impl Fn(f64) -> f64 + use<N, D>, impl Fn(f64) -> f64 + use<N, D>) {
+    let surface = situation.belief.surface();
+    let (stiffness, begins) = (surface.normal_stiffness(), -surface.height(&surface.contact.position));
+    (move |force: f64| begins + force / stiffness, move |depth: f64| stiffness * (depth - begins))
+}
+
+impl SetBounds {
+    /// The speed in m/s at which the tool has to leave a depth that can't be helped any more.
+    pub(super) fn way_back<const N: usize, const D: usize>(
+        &self,
+        settings: &Settings<N, D>,
+        situation: &Situation<'_, N, D>,
+    ) -> Option<f64> {
+        let surface = situation.belief.surface();
+        let most = surface.outward_speed(&(situation.sample.posture.jacobian() * outward(settings, situation)));
+        let wanted = self.excess / (surface.normal_stiffness() * BACK);
+        (wanted > 0.0 && most > 0.0).then(|| wanted.min(BACK_PART * most))
+    }
+
+    /// The verdict on a contact that has to be stopped.
+    pub(super) fn stop(&self) -> Option<Verdict> {
+        let Risk { excess: shortfall, time, axis, stops, is_hopeless, .. } = self.risk?;
+        if is_hopeless {
+            return Some(Verdict::Infeasible { axis, side: Side::Upper, time, shortfall });
+        }
+        self.at_risk().filter(|_| stops)
+    }
+
+    /// The verdict on one that is at risk.
+    pub(super) fn at_risk(&self) -> Option<Verdict> {
+        let Risk { share, excess, axis, time, .. } = self.risk?;
+        Some(Verdict::AtRisk { share, excess, axis, time })
+    }
+
+    /// The bounds of an axis.
+    pub(super) fn bound<const D: usize>(
+        &self,
+        axis: usize,
+        sign: f64,
+        minimum: f64,
+        normal: &SVector<f64, D>,
+    ) -> AxisBound {
+        let part = normal[axis].abs();
+        AxisBound { axis, sign, minimum: minimum.min(MOST_MINIMUM * self.maximum * part), maximum: self.maximum * part }
+    }
+}
+
+/// The force of the likeliest surface in N where every surface of the set presses with `force` (N)
+/// at least.
+pub(super) fn pressing_everywhere<const N: usize, const D: usize>(
+    set: &SurfaceSet,
+    situation: &Situation<'_, N, D>,
+    force: f64,
+) -> f64 {
+    scale(situation).1(set.depths_of(force, PRESSING).1)
+}

@@ -1,0 +1,82 @@
+//! How deep the tool still gets when it is told to leave as fast as it can.
+
+use nalgebra::SVector;
+
+use super::model::State;
+use super::{Discretization, Settings, Situation};
+
+/// Instants looked at in the lag of the slowest joint, and how many lags.
+const INSTANTS: f64 = 16.0;
+const LAGS: usize = 5;
+/// An axis without input keeps its twist within this, m/s and rad/s.
+const SAME: f64 = 1e-9;
+
+/// The largest force along the normal from the state `start` on in N, by the spring as it is
+/// believed to be, and when it is in s.
+pub(super) fn deepest_force<const N: usize, const D: usize>(
+    settings: &Settings<N, D>,
+    situation: &Situation<'_, N, D>,
+    start: &State<N, D>,
+) -> (f64, f64) {
+    let (model, inward) = (&situation.model, -situation.belief.surface().normal);
+    let force = |state: &State<N, D>| inward.dot(&model.linear_wrench(&state.joint_position));
+    // Gradient of that force: its rate is the part of q̇ along it.
+    let gradient = model.wrench_gradient * inward;
+    let reference = outward(settings, situation);
+    let duration = settings.loops.slowest() / INSTANTS;
+    let step = Discretization::Zoh.step(duration, &settings.loops, &SVector::<f64, D>::zeros());
+    let (mut state, mut time) = (*start, 0.0);
+    let (mut deepest, mut when) = (force(&state), 0.0);
+    let mut rate = gradient.dot(&state.joint_velocity);
+    for _ in 0..INSTANTS as usize * LAGS {
+        let before = (force(&state), rate);
+        state = model.advance(&step, &state, &reference);
+        rate = gradient.dot(&state.joint_velocity);
+        time += duration;
+        // Between two instants the force is a parabola.
+        let (peak, at) = if before.1 > 0.0 && rate < 0.0 {
+            let part = before.1 / (before.1 - rate);
+            (before.0 + 0.5 * before.1 * part * duration, time + (part - 1.0) * duration)
+        } else {
+            (force(&state), time)
+        };
+        if peak > deepest {
+            (deepest, when) = (peak, at);
+        }
+        if rate < 0.0 && before.1 <= 0.0 {
+            break;
+        }
+    }
+    (deepest, when)
+}
+
+/// The joint velocities in rad/s that lead out fastest: every joint at its limit, or where the
+/// offset does not allow that, along the normal as fast as both limits allow.
+pub(super) fn outward<const N: usize, const D: usize>(
+    settings: &Settings<N, D>,
+    situation: &Situation<'_, N, D>,
+) -> SVector<f64, N> {
+    let (limits, sample) = (&settings.limits, situation.sample);
+    let normal = &situation.belief.surface().normal;
+    let jacobian = sample.posture.jacobian();
+    if let Some(speed) = &limits.joint_speed {
+        let lever = jacobian.tr_mul(normal);
+        let fastest = lever.zip_map(speed, |lever, speed| libm::copysign(speed, lever));
+        let offset = jacobian * fastest - sample.twist_reference;
+        let allowed = |axis: usize| if settings.admittance[axis] { limits.offset[axis] } else { SAME };
+        if (0..D).all(|axis| offset[axis].abs() <= allowed(axis)) {
+            return fastest;
+        }
+    }
+    let along = SVector::<f64, D>::from_fn(|axis, _| if settings.admittance[axis] { normal[axis] } else { 0.0 });
+    let commanded = situation.joint_velocity(&sample.twist_reference);
+    let by_offset = situation.joint_velocity(&along);
+    let within = |least: f64, (limit, value): (f64, f64)| least.min(limit / value.abs().max(f64::MIN_POSITIVE));
+    let most = (0..D).map(|axis| (limits.offset[axis], along[axis])).fold(f64::INFINITY, within);
+    let most = limits.joint_speed.as_ref().map_or(most, |speed| {
+        let left = (0..N)
+            .map(|joint| (speed[joint] - libm::copysign(1.0, by_offset[joint]) * commanded[joint], by_offset[joint]));
+        left.fold(most, within).max(0.0)
+    });
+    commanded + by_offset * most
+}

@@ -1,0 +1,140 @@
+//! `study verdict --surface`: verdicts about surfaces that are not known, beside the optimum that
+//! knows them.
+
+mod figures;
+mod run;
+
+use std::fmt::Write as _;
+
+use admittancectl::parallel;
+use serde::Serialize;
+
+use super::closed_loop;
+use super::controller::{self, Profile, Variant};
+use super::draw::{Draw, SOFTEST_N_M};
+use figures::Figures;
+use run::Seen;
+
+/// Stiffness of the hardest surface drawn, in N/m: of fifty times the softest.
+const HARDEST_N_M: f64 = 5e5;
+/// An input in a cycle lasts so long at most, s.
+const INPUT_S: f64 = 0.0005;
+
+/// What is told of the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Told {
+    /// Its stiffness.
+    Known,
+    /// A range with the stiffness in it, whose end is 3 times its beginning.
+    Range3,
+    /// 10 times.
+    Range10,
+    /// 50 times.
+    Range50,
+}
+
+/// What the contacts of a study have in common.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct World {
+    pub(crate) told: Told,
+    pub(crate) noise_n: f64,
+    /// contact.risk, where it is not the default.
+    pub(crate) risk: Option<f64>,
+    pub(crate) seed: u64,
+}
+
+/// One contact, and what became of it.
+#[derive(Debug, Clone)]
+struct Case {
+    draw: Draw,
+    seen: Result<Seen, String>,
+    /// Lowest peak that some input attains in N, for who knows the surface; `None` where it was not
+    /// found.
+    attainable_n: Option<f64>,
+    /// The same among inputs that keep contact; asked only where contact was lost.
+    attainable_in_contact_n: Option<f64>,
+}
+
+impl World {
+    /// The range that is told for a stiffness: it is anywhere in it, evenly by its logarithm.
+    fn range(&self, draw: &Draw) -> Option<[f64; 2]> {
+        let width = match self.told {
+            Told::Known => return None,
+            Told::Range3 => 3.0,
+            Told::Range10 => 10.0,
+            Told::Range50 => HARDEST_N_M / SOFTEST_N_M,
+        };
+        // Of the phase of the contact, which has nothing to do with it, digits that nobody sees.
+        let place = (draw.contact_phase * 1e6).fract();
+        let least = draw.stiffness_n_m * f64::powf(width, -place);
+        let least = least.clamp(SOFTEST_N_M, HARDEST_N_M / width);
+        Some([least, least * width])
+    }
+
+    fn controller(&self, draw: &Draw) -> Result<admittance_runner::config::Config, String> {
+        let range = self.range(draw).map_or_else(String::new, |range| format!("stiffness_range_n_m = {range:?}\n"));
+        let inputs = (draw.sampling_time_s / INPUT_S).ceil().max(1.0);
+        let text = controller::controller_text(draw, Profile::Default, Variant::Detected)
+            .replace("[mpc]\n", &format!("[mpc]\ninputs_per_cycle = {inputs}\n"))
+            .replace(
+                "contact = \"detected\"",
+                &format!("contact = \"detected\"\nwrench_noise_n = {:?}\n{range}", self.noise_n),
+            );
+        let risk = self.risk.map_or_else(String::new, |risk| format!("risk = {risk:?}\n"));
+        let text = text.replace("[contact]\n", &format!("[contact]\n{risk}"));
+        let told = self.range(draw).map_or(draw.stiffness_n_m, |[least, most]| (least * most).sqrt());
+        let known = format!("normal_stiffness_n_m = {:?}\n", draw.stiffness_n_m);
+        let text = text.replace(&known, &format!("normal_stiffness_n_m = {told:?}\n"));
+        admittance_host::config::parse(&text, "controller.toml").map_err(|errors| errors.to_string())
+    }
+
+    fn scenario(&self, draw: &Draw) -> Result<plant_sim::scenario::Scenario, String> {
+        let noise = format!("[noise]\nwrench = {:?}\nseed = {}\n", self.noise_n, self.seed + 1000 * draw.index);
+        let text = controller::scenario_text(draw).replace("[noise]\n", &noise);
+        admittance_host::config::parse(&text, "scenario.toml").map_err(|errors| errors.to_string())
+    }
+
+    fn case(&self, index: u64) -> Result<Case, String> {
+        let draw = Draw::up_to(HARDEST_N_M, self.seed, index)?;
+        let seen = run::run(&draw, &self.controller(&draw)?, &self.scenario(&draw)?, &mut |_| ());
+        let first = seen.as_ref().ok().and_then(|seen| seen.first_active);
+        let contact = first.map(|first| closed_loop::contact(&draw, &first));
+        let attainable_n = contact.as_ref().and_then(|contact| contact.lowest_peak().ok()).map(|peak| peak.peak_n);
+        let has_lost = seen.as_ref().is_ok_and(|seen| seen.accepted() && seen.contact_losses > 0);
+        let attainable_in_contact_n = contact
+            .filter(|_| has_lost)
+            .map(|contact| contact.lowest_peak_in_contact().map_or(f64::INFINITY, |answer| answer.optimum_n));
+        Ok(Case { draw, seen, attainable_n, attainable_in_contact_n })
+    }
+
+    /// The figures of `runs` contacts.
+    ///
+    /// # Errors
+    /// A case that could not be drawn.
+    pub(crate) fn figures(&self, runs: u64, threads: usize) -> Result<Figures, String> {
+        let cases = parallel::map(runs, threads, "contacts", |index| self.case(index))?;
+        Ok(Figures::of(self, &cases))
+    }
+
+    /// One contact, sample by sample.
+    ///
+    /// # Errors
+    /// What controller, plant or judge do not accept.
+    pub(crate) fn describe(&self, index: u64) -> Result<String, String> {
+        let case = self.case(index)?;
+        let mut text = format!("{:#?}\nrange {:?}\n", case.draw, self.range(&case.draw));
+        let mut lines = String::new();
+        let (config, scenario) = (self.controller(&case.draw)?, self.scenario(&case.draw)?);
+        let _ = run::run(&case.draw, &config, &scenario, &mut |line| {
+            let _ = writeln!(lines, "{line}");
+        });
+        let limit = case.draw.normal_force_limit_n();
+        let _ = writeln!(
+            text,
+            "limit {limit:.2} N, attainable {:?}, in contact {:?}\n{lines}{:#?}",
+            case.attainable_n, case.attainable_in_contact_n, case.seen
+        );
+        Ok(text)
+    }
+}

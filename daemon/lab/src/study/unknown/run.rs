@@ -1,0 +1,116 @@
+//! One contact in a closed loop, with what is believed of the surface cycle by cycle.
+
+use admittance_runner::config::Config;
+use admittance_runner::cycle;
+use admittance_runner::virtual_time::{Step, VirtualTime};
+use ipc_types::{StopReason, Verdict};
+use plant_sim::run::VirtualRun;
+use plant_sim::scenario::Scenario;
+
+use super::super::closed_loop::{FirstActive, first_active};
+use super::super::draw::{ACTIVATION_THRESHOLD_N, Draw};
+
+/// The surface is known when it is so for this many samples.
+const SAMPLES: u32 = 5;
+const KNOWN_PART: f64 = 0.2;
+const KNOWN_M: f64 = 50e-6;
+
+/// What one run showed. Forces are true normal forces in N.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Seen {
+    /// `None`: no sample was active.
+    pub(super) first_active: Option<FirstActive>,
+    /// Samples from then on at which the tool touched.
+    pub(super) samples_in_contact: u32,
+    /// Cycles with these verdicts.
+    pub(super) safe_cycles: u32,
+    pub(super) at_risk_cycles: u32,
+    pub(super) infeasible_cycles: u32,
+    /// Largest force from the first active sample on.
+    pub(super) peak_n: f64,
+    /// Times that contact ended after it.
+    pub(super) contact_losses: u32,
+    /// Why it stopped, or `None`'s code.
+    pub(super) stop_reason: u32,
+    /// Force at the end of the run.
+    pub(super) resting_n: f64,
+    /// Error of the force that is believed in then: that of the likeliest surface at the true depth.
+    pub(super) believed_error_n: f64,
+    /// From when on after the first active sample the surface was known, s.
+    pub(super) known_after_s: Option<f64>,
+}
+
+impl Seen {
+    /// Whether it was never stopped.
+    pub(super) fn accepted(&self) -> bool {
+        self.infeasible_cycles == 0 && self.stop_reason == StopReason::NONE
+    }
+
+    /// Whether it was, and every verdict was that the limit can be kept.
+    pub(super) fn was_safe(&self) -> bool {
+        self.accepted() && self.at_risk_cycles == 0
+    }
+}
+
+/// Runs a controller against a plant; `told` is given a line for each cycle from the first active
+/// sample on.
+pub(super) fn run(
+    draw: &Draw,
+    config: &Config,
+    scenario: &Scenario,
+    told: &mut dyn FnMut(String),
+) -> Result<Seen, String> {
+    let mut seen = Seen::default();
+    let (mut losses_before, mut started, mut known) = (0, 0, 0);
+    let (normal, point) = (draw.normal(), draw.contact_point_m());
+    let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
+    let mut run = VirtualTime::new(cycle::build(config)?, plant);
+    while let Some(Step { state, command, truth, .. }) = run.step()? {
+        let active = state.wrench.iter().any(|force| force.abs() > ACTIVATION_THRESHOLD_N);
+        if active && truth.in_contact == 1 && seen.first_active.is_none() {
+            seen.first_active = Some(first_active(&state.joint_position, &state.joint_velocity, &truth));
+            (losses_before, started) = (truth.contact_losses, state.stamp_ns);
+            seen.peak_n = truth.normal_force_n;
+        } else if seen.first_active.is_some() {
+            seen.peak_n = seen.peak_n.max(truth.peak_normal_force_n);
+        }
+        if command.verdict == Verdict::Infeasible.code() || command.stop_reason != StopReason::NONE {
+            seen.infeasible_cycles += u32::from(command.verdict == Verdict::Infeasible.code());
+            seen.stop_reason = command.stop_reason;
+        }
+        if seen.first_active.is_none() {
+            continue;
+        }
+        seen.samples_in_contact += u32::from(truth.in_contact == 1);
+        seen.contact_losses = truth.contact_losses - losses_before;
+        seen.resting_n = truth.normal_force_n;
+        seen.safe_cycles += u32::from(command.verdict == Verdict::Feasible.code());
+        seen.at_risk_cycles += u32::from(command.verdict == Verdict::AtRisk.code());
+        let belief = run.cycle.belief();
+        let at: [f64; 3] = belief.contact_point.into();
+        let error_m: f64 = (0..2).map(|axis| normal[axis] * (at[axis] - point[axis])).sum();
+        let ratio = belief.stiffness / draw.stiffness_n_m;
+        let is_known = (ratio - 1.0).abs() <= KNOWN_PART && error_m.abs() <= KNOWN_M;
+        let believed = belief.stiffness * (truth.normal_force_n / draw.stiffness_n_m + error_m);
+        seen.believed_error_n = (believed - truth.normal_force_n).abs();
+        known = if is_known { known + 1 } else { 0 };
+        let since_s = (state.stamp_ns - started) as f64 * 1e-9;
+        if known == SAMPLES && seen.known_after_s.is_none() {
+            seen.known_after_s = Some(since_s - f64::from(SAMPLES - 1) * draw.sampling_time_s);
+        }
+        let shown = -(normal[0] * state.wrench[0] + normal[1] * state.wrench[1]);
+        told(format!(
+            "{:8.3} ms  f̂ {shown:8.3}  f {:8.3} (peak {:8.3})  {} {:8.3} N  k {ratio:7.4}  c {:8.2} um  [{:.3e} {:.3e}]  offset {:7.4}",
+            since_s * 1e3,
+            truth.normal_force_n,
+            truth.peak_normal_force_n,
+            Verdict::name_of(command.verdict),
+            command.verdict_margin,
+            error_m * 1e6,
+            belief.stiffness_band.0,
+            belief.stiffness_band.1,
+            normal[0] * command.velocity_offset[0] + normal[1] * command.velocity_offset[1],
+        ));
+    }
+    Ok(seen)
+}

@@ -1,0 +1,122 @@
+//! A surface of which only a range is told: what such a range must be.
+
+use admittance_host::config::ConfigError;
+
+use super::{Config, ContactPointName, EnvironmentSection};
+
+/// Greatest stiffness of a range over its least. A touch is seen at β: in the hardest surface the
+/// tool is by then so many times less deep than in the softest, and the horizon, the nodes of the
+/// belief and the linear model would have to serve both. Studied up to 50.
+const WIDEST: f64 = 100.0;
+
+impl EnvironmentSection {
+    /// Least and greatest stiffness in N/m of a surface that is not known; `None` where it is told,
+    /// by a range of length zero as well.
+    pub(crate) fn unknown_stiffness(&self) -> Option<(f64, f64)> {
+        self.stiffness_range_n_m.filter(|[least, most]| least < most).map(|[least, most]| (least, most))
+    }
+}
+
+impl Config {
+    /// Of a range with a wrench that is told to be free of noise.
+    pub(super) fn unknown_surface_without_noise(&self) -> Vec<String> {
+        let environment = &self.environment;
+        if environment.unknown_stiffness().is_none() || environment.wrench_noise_n > 0.0 {
+            return Vec::new();
+        }
+        vec![
+            "environment.wrench_noise_n = 0 N with environment.stiffness_range_n_m: what is believed of the surface is as \
+             narrow as a wrench without noise makes it; give its standard deviation at rest"
+                .to_owned(),
+        ]
+    }
+}
+
+/// Range and tolerance go together.
+pub(super) fn check(environment: &EnvironmentSection, path: &str, errors: &mut Vec<ConfigError>) {
+    let told = environment.normal_stiffness_n_m;
+    let mut wants = |key: &str, found: String, accepted: String| {
+        errors.push(ConfigError::new(format!("{path}.{key}"), found, accepted));
+    };
+    if let Some([least, most]) = environment.stiffness_range_n_m {
+        let found = || format!("[{least:?}, {most:?}]");
+        if least > most {
+            wants("stiffness_range_n_m", found(), "the least stiffness first".to_owned());
+        } else if most > WIDEST * least {
+            let accepted = format!("a greatest stiffness of at most {WIDEST} times the least");
+            wants("stiffness_range_n_m", found(), accepted);
+        } else if !(least..=most).contains(&told) {
+            wants("stiffness_range_n_m", found(), format!("a range with {path}.normal_stiffness_n_m = {told:?} in it"));
+        }
+    }
+    let is_unknown = environment.unknown_stiffness().is_some();
+    let is_told = environment.contact == ContactPointName::Configured;
+    match environment.contact_tolerance_m {
+        None if is_unknown && is_told => {
+            let accepted =
+                format!("a tolerance above 0 with {path}.stiffness_range_n_m, or {path}.contact = \"detected\"");
+            wants("contact_tolerance_m", "absent".to_owned(), accepted);
+        }
+        Some(found) if !is_unknown => {
+            let accepted = format!("absent without a range in {path}.stiffness_range_n_m");
+            wants("contact_tolerance_m", format!("{found:?}"), accepted);
+        }
+        Some(found) if !is_told => {
+            wants("contact_tolerance_m", format!("{found:?}"), format!("absent with {path}.contact = \"detected\""));
+        }
+        Some(_) | None => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use admittance_host::config::{Section, parse};
+
+    use super::*;
+
+    /// The errors and warnings of the default profile with these changes.
+    fn said(changes: impl FnOnce(&mut EnvironmentSection)) -> (String, Vec<String>) {
+        let text = include_str!("../../../../deploy/demo/mpc-default.toml");
+        let mut config: Config = parse(text, "mpc-default.toml").unwrap();
+        changes(&mut config.environment);
+        let mut errors = Vec::new();
+        config.check("", &mut errors);
+        (errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "), config.warnings())
+    }
+
+    #[test]
+    fn a_range_has_its_errors() {
+        let detected = |range: [f64; 2]| {
+            said(|environment| {
+                environment.stiffness_range_n_m = Some(range);
+                environment.contact = ContactPointName::Detected;
+                environment.wrench_noise_n = 0.5;
+            })
+        };
+        assert_eq!(detected([1e4, 5e5]), (String::new(), Vec::new()));
+        for (range, accepted) in [
+            ([5e5, 1e4], "the least stiffness first"),
+            ([2e3, 5e5], "at most 100 times the least"),
+            ([2e5, 5e5], "environment.normal_stiffness_n_m = 100000.0 in it"),
+        ] {
+            let (errors, _) = detected(range);
+            assert!(errors.contains("environment.stiffness_range_n_m") && errors.contains(accepted), "{errors}");
+        }
+    }
+
+    #[test]
+    fn a_tolerance_goes_with_a_range() {
+        let (errors, _) = said(|environment| environment.contact_tolerance_m = Some(1e-3));
+        assert!(errors.contains("contact_tolerance_m = 0.001: accepted: absent without a range"), "{errors}");
+        let (errors, _) = said(|environment| environment.stiffness_range_n_m = Some([1e4, 5e5]));
+        assert!(errors.contains("contact_tolerance_m") && errors.contains("a tolerance above 0"), "{errors}");
+        let (errors, warnings) = said(|environment| {
+            environment.stiffness_range_n_m = Some([1e4, 5e5]);
+            environment.contact_tolerance_m = Some(1e-3);
+        });
+        assert_eq!(errors, "");
+        assert!(warnings.len() == 1 && warnings[0].contains("wrench_noise_n = 0 N"), "{warnings:?}");
+        // A range of length zero is a stiffness.
+        assert_eq!(said(|environment| environment.stiffness_range_n_m = Some([1e5, 1e5])), (String::new(), Vec::new()));
+    }
+}
