@@ -60,17 +60,16 @@ fn section(line: &str) -> Option<&str> {
 /// The characters of a line that are neither in quotes nor in its comment.
 fn outside_of_texts(line: &str) -> impl Iterator<Item = char> {
     let mut quote = None;
-    line.chars()
-        .filter_map(move |c| {
-            let was_quoted = quote.is_some();
-            match quote {
-                Some(open) if open == c => quote = None,
-                None if c == '"' || c == '\'' => quote = Some(c),
-                _ => {}
-            }
-            (!was_quoted && quote.is_none()).then_some(c)
-        })
-        .take_while(|c| *c != '#')
+    let is_outside = move |c: &char| {
+        let was_quoted = quote.is_some();
+        match quote {
+            Some(open) if open == *c => quote = None,
+            None if *c == '"' || *c == '\'' => quote = Some(*c),
+            _ => {}
+        }
+        !was_quoted && quote.is_none()
+    };
+    line.chars().filter(is_outside).take_while(|c| *c != '#')
 }
 
 /// Where the lines of a text end: looked up once for all its errors.
