@@ -115,13 +115,15 @@ pub(crate) fn clear_if_deserted(settings: &IpcSettings, config: &Config) {
     clear_deserted(settings, config);
 }
 
-/// The same for who is alone already.
-pub(crate) fn clear_deserted(settings: &IpcSettings, config: &Config) {
-    if is_deserted(settings, config) {
+/// The same for who is alone already. Whether no node lives there.
+pub(crate) fn clear_deserted(settings: &IpcSettings, config: &Config) -> bool {
+    let is_deserted = is_deserted(settings, config);
+    if is_deserted {
         // What cannot be removed is met again, and named, by who is in need of it.
         left(settings).iter().filter(|path| is_own(path)).for_each(|path| drop(std::fs::remove_file(path)));
         node_directories(settings).iter().for_each(|path| drop(std::fs::remove_dir(path)));
     }
+    is_deserted
 }
 
 /// Whether this user made it: a stranger's file is never removed, but named by who meets it, even by

@@ -28,13 +28,11 @@ fn path(prefix: &str) -> PathBuf {
     Path::new(SHARED_MEMORY).join(format!("{prefix}{NAME}"))
 }
 
-/// Sees to it that all in shared memory with this prefix is this user's, and that the counter is
-/// there, sound and closed to others.
+/// Sees to it that the counter is there, sound and closed to others.
 ///
 /// # Errors
 /// [`PlaceError`] names the file and whose it is.
 pub(crate) fn secure(prefix: &str) -> Result<(), PlaceError> {
-    foreign_files(prefix)?;
     let path = path(prefix);
     let failed = |source: io::Error| PlaceError::Io { path: path.clone(), source };
     for _ in 0..TRIES {

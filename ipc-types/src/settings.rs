@@ -247,8 +247,13 @@ impl IpcSettings {
         let root_path = || self.root_path.clone();
         let root = open_root(&self.root_path, make_root)?;
         let _alone = leftovers::alone(root);
-        leftovers::clear_deserted(self, &config);
+        let is_deserted = leftovers::clear_deserted(self, &config);
         leftovers::remove_half_made_memory(&self.prefix);
+        // A visitor opens what others of ours have made: a stranger's file beside it must not keep an
+        // operator from a running daemon.
+        if make_root || is_deserted {
+            node_counter::foreign_files(&self.prefix)?;
+        }
         node_counter::secure(&self.prefix)?;
         let mut builder = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
         // The name only labels the node: one that iceoryx2 does not accept is left out.

@@ -135,6 +135,16 @@ fn a_running_daemon_s_counter_cannot_be_cut_off_whoever_came_first_and_goes_in_t
 
     let mut daemon = start_daemon(&ipc, &config);
     assert!(!stranger("truncate -s 0 \"$1\"", &counter(&ipc)), "it can be written by anyone");
+    // A file of a stranger's beside it keeps no operator from the daemon, only the next start.
+    let file = counter(&ipc).with_file_name(format!("{}{}_x", ipc.settings().prefix, "1".repeat(40)));
+    assert!(stranger(": >\"$1\"", &file));
+    for order in ["status", "disable", "enable"] {
+        let (code, text) = ended(&mut ctl_command(&ipc, order, &config));
+        assert_eq!(code, Some(0), "{order}: {text}");
+    }
+    let (code, text) = ended(&mut plant_command(&ipc, &scenario));
+    assert!(code == Some(77) && text.contains("belongs to nobody"), "{code:?} {text}");
+    std::fs::remove_file(&file).expect("removed");
     assert!(!stranger("rm -f \"$1\"", &counter(&ipc)) && counter(&ipc).exists());
     // One that was open to all for a moment, as plain iceoryx2 makes it, is exchanged.
     std::fs::set_permissions(counter(&ipc), std::fs::Permissions::from_mode(0o666)).expect("changed");

@@ -39,13 +39,20 @@ impl Changes {
         }
     }
 
-    /// The first reason of a stop, or of control that was not there, and when: "Disabled at 0.120 s".
+    /// The first stop, and when: "Infeasible at 0.120 s (Stopping)". Where there was none, what has
+    /// ended control: a motion controller that ends is no stop.
     pub(super) fn first_stop(&self) -> String {
-        let first = self.0.iter().find(|said| said.stop_reason != StopReason::NONE);
-        first.map_or("none".to_owned(), |said| {
+        let is_one_of = |said: &Said, modes: [Mode; 2]| modes.iter().any(|mode| mode.code() == said.mode);
+        let text = |said: &Said| {
             let (reason, mode) = (StopReason::name_of(said.stop_reason), Mode::name_of(said.mode));
             format!("{reason} at {:.3} s ({mode})", said.time_s)
-        })
+        };
+        if let Some(stop) = self.0.iter().find(|said| is_one_of(said, [Mode::Stopping, Mode::Stopped])) {
+            return text(stop);
+        }
+        let mut controlled = self.0.iter().skip_while(|said| !is_one_of(said, [Mode::Free, Mode::Contact]));
+        let ended = controlled.find(|said| said.stop_reason != StopReason::NONE);
+        ended.map_or("none".to_owned(), |ended| format!("none; control has ended: {}", text(ended)))
     }
 
     /// Modes and verdicts up to `end_s`, the first band with this heading.
@@ -143,6 +150,19 @@ mod tests {
         {
             assert!(svg.contains(text), "{text} is missing in {svg}");
         }
+    }
+
+    #[test]
+    fn what_is_no_stop_is_not_called_one_and_hides_none() {
+        let mut changes = Changes::default();
+        changes.add(&record(RecordKind::Silence, Mode::Idle, StopReason::SampleStale.code()), 0.0);
+        changes.add(&record(RecordKind::Sample, Mode::Free, StopReason::NONE), 0.1);
+        assert_eq!(changes.first_stop(), "none");
+        changes.add(&record(RecordKind::Silence, Mode::Idle, StopReason::SampleStale.code()), 3.9);
+        assert_eq!(changes.first_stop(), "none; control has ended: SampleStale at 3.900 s (Idle)");
+        changes.add(&record(RecordKind::Sample, Mode::Free, StopReason::NONE), 4.0);
+        changes.add(&record(RecordKind::Sample, Mode::Stopping, StopReason::Infeasible.code()), 5.0);
+        assert_eq!(changes.first_stop(), "Infeasible at 5.000 s (Stopping)");
     }
 
     #[test]
