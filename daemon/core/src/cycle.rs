@@ -117,7 +117,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
                 mpc.forget();
             }
             let singular = match supervisor.mode() {
-                Mode::Contact(_) => nearly_singular_ahead(parameters, sample, joints, output),
+                Mode::Contact(_) if supervisor.would_stop_by_model() => {
+                    nearly_singular_ahead(parameters, sample, joints, output)
+                }
                 _ => None,
             };
             supervisor.heed(guards, singular, sample, output.is_zero());

@@ -192,7 +192,7 @@ impl<const D: usize> Supervisor<D> {
 
     /// Whether the arm is in contact, and would be stopped at the lowest force instead of being
     /// held.
-    fn would_stop_by_model(&self) -> bool {
+    pub(crate) fn would_stop_by_model(&self) -> bool {
         self.settings.predicts
             && self.settings.policy.on_infeasible == OnInfeasible::MinimumForceStop
             && matches!(self.mode, Mode::Contact(_) | Mode::Stopping(_))
@@ -295,8 +295,7 @@ impl<const D: usize> Supervisor<D> {
             self.apply(cause, stamp);
         }
         let here = sample.posture.inverse(self.settings.minimum_reciprocal_condition).err();
-        let ahead = singular_ahead.filter(|_| self.would_stop_by_model());
-        if let Some(singular) = here.or(ahead).filter(|_| self.is_in_control()) {
+        if let Some(singular) = here.or(singular_ahead).filter(|_| self.is_in_control()) {
             self.apply_at_pose(Cause::NearlySingular, stamp, Some(singular));
         }
         let is_ramping = matches!(self.mode, Mode::Free { .. }) && !offset_is_zero;

@@ -72,8 +72,7 @@ struct Tuning {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-// One at a time lives, for good: there is no heap to put the larger one on.
-#[allow(clippy::large_enum_variant)]
+#[allow(clippy::large_enum_variant, reason = "there is no heap to put the larger one on, and one alone lives")]
 enum Stage {
     Touch(Touch),
     Hold(Hold),

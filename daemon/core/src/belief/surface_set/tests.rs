@@ -130,9 +130,7 @@ fn the_set_of_a_touch_is_that_of_a_grid() {
             all += weight;
             above += if k * (deepest - c) > 0.8 * force { weight } else { 0.0 };
         }
-        std::println!("k {stiffness}: {low} {least} {high} {most}; {found} {strongest}");
         let share = set.share_above(0.8 * force, deepest);
-        std::println!("share {share} {}", above / all);
         assert!((share - above / all).abs() < 0.2, "{share} {}", above / all);
         assert!(spring.stiffness >= 1e4 && spring.stiffness <= 5e5);
     }
