@@ -136,16 +136,18 @@ fn the_set_of_a_touch_is_that_of_a_grid() {
     }
 }
 
-#[test]
-fn a_held_surface_is_followed() {
+/// A tool at rest 0.8 mm below where a surface of 1e5 N/m begins at first, which then creeps away by `creep`
+/// m from 0.15 s to 0.45 s: what is believed of it, and how deep the tool is in it.
+fn held(creep: f64) -> (SurfaceSet, f64) {
     let mut world = World { stiffness: 1e5, begins: 0.0123, speed: 0.1, noise: 0.5, seed: 11 };
     let mut set = set(0.5);
-    let (before, cycles) = (30, 300);
-    // Pressed at rest after 40 ms, 0.8 mm deep.
+    let (before, cycles) = (30, 450);
+    // Pressed at rest after 40 ms.
     let rest = |time: f64| 0.0123 + 0.0008 * libm::tanh((time + 0.001).max(-0.03) / 0.008);
     let mut value = 0.0;
     for cycle in -before..cycles {
         let start = CYCLE * f64::from(cycle);
+        world.begins = 0.0123 + creep * ((start - 0.15) / 0.3).clamp(0.0, 1.0);
         let mut way = Way::new();
         for half in 0..2 {
             let at = |part: f64| rest(start + CYCLE * (0.5 * f64::from(half) + part));
@@ -160,13 +162,21 @@ fn a_held_surface_is_followed() {
         set.follow(Some(&way), rest(start + CYCLE), force, force > 5.0);
     }
     assert!(matches!(set.stage, Stage::Hold(_)));
-    let spring = set.likeliest().unwrap();
-    let at = world.begins + 0.0008;
-    let force = spring.stiffness * (at - spring.depth);
-    assert!((force - 80.0).abs() < 1.0, "{force} {spring:?}");
-    assert!((spring.stiffness / 1e5 - 1.0).abs() < 0.2, "{spring:?}");
-    let (least, most) = set.depths_of(80.0, 3.0);
-    assert!(least < at && at < most && most - least < 1e-4, "{least} {most}");
+    (set, 0.0123 + 0.0008 - world.begins)
+}
+
+#[test]
+fn a_held_surface_is_followed() {
+    let at = 0.0123 + 0.0008;
+    for creep in [0.0, 3e-5, -3e-5] {
+        let (set, depth) = held(creep);
+        let spring = set.likeliest().unwrap();
+        let (force, exact) = (spring.stiffness * (at - spring.depth), 1e5 * depth);
+        assert!((force - exact).abs() < 1.0, "creep {creep} m: {force} {exact} {spring:?}");
+        assert!((spring.stiffness / 1e5 - 1.0).abs() < 0.2, "{spring:?}");
+        let (least, most) = set.depths_of(exact, 3.0);
+        assert!(least < at && at < most && most - least < 1e-4, "{least} {most}");
+    }
 }
 
 #[test]
