@@ -2,7 +2,8 @@
 
 use admittance_vocabulary::{EnumInfo, Named, vocabulary};
 pub use admittance_vocabulary::{
-    FaultName as Fault, LawName as Law, ModeName as Mode, Motion, Side, Source, StopReason, VerdictName as Verdict,
+    FaultName as Fault, LawName as Law, ModeName as Mode, Motion, Side, Source, StopReason, TaskAxis,
+    VerdictName as Verdict,
 };
 
 vocabulary! {
@@ -56,4 +57,5 @@ pub const ENUMS: &[EnumInfo] = &[
     ResponseStatus::INFO,
     RecordKind::INFO,
     Fault::INFO,
+    TaskAxis::INFO,
 ];

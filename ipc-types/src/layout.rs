@@ -19,7 +19,8 @@ pub trait WireType: Copy {
 
     /// The value as JSON, from which [`Self::from_json`] makes the same bits again (of a NaN, only
     /// that it is one): numbers as numbers, those that JSON lacks as "NaN", "inf" and "-inf",
-    /// arrays as one list, row after row, samples as objects, codes as their names.
+    /// arrays as one list, row after row, samples as objects, codes as their names, sets of codes as
+    /// lists of them.
     fn to_json(&self) -> Value;
 
     /// The value that [`Self::to_json`] wrote; `None` when it is another type's, or a field is
@@ -74,6 +75,17 @@ pub(crate) fn code_from_json(names: &EnumInfo, value: &Value) -> Option<u32> {
     let Some(text) = value.as_str() else { return u32::from_json(value) };
     let named = names.values.iter().find(|value| value.name == text).map(|value| value.code);
     named.or_else(|| text.parse().ok())
+}
+
+/// The names of a set of codes: bit i stands for code i.
+pub(crate) fn codes_to_json(names: &EnumInfo, set: u32) -> Value {
+    (0..u32::BITS).filter(|code| set & (1 << code) != 0).map(|code| code_to_json(names, code)).collect()
+}
+
+/// The set that [`codes_to_json`] wrote, or that was written as a number, as it was in earlier versions.
+pub(crate) fn codes_from_json(names: &EnumInfo, value: &Value) -> Option<u32> {
+    let Some(list) = value.as_array() else { return u32::from_json(value) };
+    list.iter().try_fold(0, |set, name| Some(set | 1_u32.checked_shl(code_from_json(names, name)?)?))
 }
 
 fn float_same_bits(one: &f64, other: &f64) -> bool {
@@ -163,6 +175,8 @@ pub struct FieldInfo {
     /// The wire enum whose codes the field holds.
     #[serde(rename = "enum")]
     pub enumeration: Option<&'static str>,
+    /// The wire enum of which the field holds a set: bit i stands for code i.
+    pub set_of: Option<&'static str>,
 }
 
 /// One sample type.

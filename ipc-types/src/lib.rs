@@ -37,7 +37,8 @@ pub mod services;
 
 pub use c_header::c_header;
 pub use enums::{
-    ENUMS, Fault, Law, Mode, Motion, RecordKind, RequestKind, ResponseStatus, Side, Source, StopReason, Verdict,
+    ENUMS, Fault, Law, Mode, Motion, RecordKind, RequestKind, ResponseStatus, Side, Source, StopReason, TaskAxis,
+    Verdict,
 };
 pub use errors::{PortError, ServiceError};
 pub use instance::{Instance, InstanceError, MAX_INSTANCE_LENGTH};

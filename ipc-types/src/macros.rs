@@ -2,13 +2,14 @@
 //! its documentation, the compile-time layout checks, the schema entry and the C header.
 
 /// Declares a sample. Per field: byte offset, name, type, optionally `as` the wire enum of its
-/// codes, `[unit, range]`, meaning.
+/// codes, or in braces of its bits, `[unit, range]`, meaning.
 macro_rules! wire_sample {
     (
         $(#[doc = $doc:literal])+
         struct $name:ident: $type_name:literal, size $size:literal, writer $writer:literal {
             $(
-                $offset:literal $field:ident: $ty:ty $(as $enumeration:ident)? [$unit:literal, $range:literal]
+                $offset:literal $field:ident: $ty:ty $(as $($enumeration:ident)? $({$set:ident})?)?
+                    [$unit:literal, $range:literal]
                     $meaning:literal;
             )+
         }
@@ -24,7 +25,10 @@ macro_rules! wire_sample {
             $(
                 #[doc = $meaning]
                 #[doc = ""]
-                $( #[doc = concat!("A code of [`crate::", stringify!($enumeration), "`].")] )?
+                $(
+                    $( #[doc = concat!("A code of [`crate::", stringify!($enumeration), "`].")] )?
+                    $( #[doc = concat!("Bit i stands for code i of [`crate::", stringify!($set), "`].")] )?
+                )?
                 #[doc = concat!("Unit: ", $unit, ". Range: ", $range, ". Offset: ", stringify!($offset), ".")]
                 pub $field: $ty,
             )+
@@ -56,7 +60,7 @@ macro_rules! wire_sample {
                 let mut object = serde_json::Map::new();
                 $( object.insert(
                     stringify!($field).to_owned(),
-                    wire_sample!(@to_json self.$field $(, $enumeration)?),
+                    wire_sample!(@to_json self.$field $($(, $enumeration)? $(, {$set})?)?),
                 ); )+
                 serde_json::Value::Object(object)
             }
@@ -64,7 +68,8 @@ macro_rules! wire_sample {
             fn from_json(value: &serde_json::Value) -> Option<Self> {
                 let object = value.as_object()?;
                 Some(Self {
-                    $( $field: wire_sample!(@from_json object.get(stringify!($field))?, $ty $(, $enumeration)?)?, )+
+                    $( $field: wire_sample!(@from_json object.get(stringify!($field))?, $ty
+                        $($(, $enumeration)? $(, {$set})?)?)?, )+
                 })
             }
         }
@@ -86,7 +91,8 @@ macro_rules! wire_sample {
                         unit: $unit,
                         range: $range,
                         meaning: $meaning,
-                        enumeration: wire_sample!(@enumeration $ty $(, $enumeration)?),
+                        enumeration: wire_sample!(@enumeration $($($enumeration)?)?),
+                        set_of: wire_sample!(@enumeration $($($set)?)?),
                     },
                 )+],
             };
@@ -108,12 +114,18 @@ macro_rules! wire_sample {
     (@to_json $value:expr, $enumeration:ident) => {
         $crate::layout::code_to_json(&<$crate::$enumeration as admittance_vocabulary::Named>::INFO, $value)
     };
+    (@to_json $value:expr, {$set:ident}) => {
+        $crate::layout::codes_to_json(&<$crate::$set as admittance_vocabulary::Named>::INFO, $value)
+    };
     (@from_json $value:expr, $ty:ty) => { <$ty>::from_json($value) };
     (@from_json $value:expr, $ty:ty, $enumeration:ident) => {
         $crate::layout::code_from_json(&<$crate::$enumeration as admittance_vocabulary::Named>::INFO, $value)
     };
-    (@enumeration $ty:ty) => { None };
-    (@enumeration $ty:ty, $enumeration:ident) => {
+    (@from_json $value:expr, $ty:ty, {$set:ident}) => {
+        $crate::layout::codes_from_json(&<$crate::$set as admittance_vocabulary::Named>::INFO, $value)
+    };
+    (@enumeration) => { None };
+    (@enumeration $enumeration:ident) => {
         Some(<$crate::$enumeration as admittance_vocabulary::Named>::INFO.name)
     };
 }

@@ -209,6 +209,11 @@ fn field_schema(field: &FieldInfo) -> Value {
         let name = |value: &EnumValueInfo| json!({ "const": value.name, "description": value.meaning });
         schema = json!({ "type": "string", "oneOf": codes.values.iter().map(name).collect::<Value>() });
     }
+    if let Some(codes) = ENUMS.iter().find(|known| Some(known.name) == field.set_of) {
+        let name = |value: &EnumValueInfo| Value::from(value.name);
+        let names = json!({ "type": "string", "enum": codes.values.iter().map(name).collect::<Value>() });
+        schema = json!({ "type": "array", "items": names, "uniqueItems": true });
+    }
     schema["description"] =
         Value::from(format!("{}{layout} Unit: {}. Range: {}.", field.meaning, field.unit, field.range));
     schema

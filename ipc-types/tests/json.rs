@@ -1,7 +1,7 @@
 //! Samples as JSON: what recordings hold.
 
 use ipc_types::layout::{WireSample as _, WireType as _};
-use ipc_types::{RecordSample, StateSample, json_schema};
+use ipc_types::{CommandSample, RecordSample, StateSample, json_schema};
 use serde_json::Value;
 
 fn text<'a>(value: &'a Value, key: &str) -> &'a str {
@@ -47,6 +47,10 @@ fn the_json_schema_has_the_shape_of_the_json() {
                 assert_eq!(schema["required"].as_array().expect("a list").len(), fields.len());
                 fields.iter().for_each(|(name, value)| check(&schema["properties"][name], value));
             }
+            "array" if schema["uniqueItems"] == true => {
+                let names = schema["items"]["enum"].as_array().expect("the names");
+                assert!(value.as_array().expect("a list").iter().all(|value| names.contains(value)), "{value}");
+            }
             "array" => {
                 let values = value.as_array().expect("a list");
                 assert_eq!((number(schema, "minItems"), number(schema, "maxItems")), (values.len(), values.len()));
@@ -63,7 +67,9 @@ fn the_json_schema_has_the_shape_of_the_json() {
     // Items of a list have no description of their own: the list's says it.
     let mut schema = json_schema(&RecordSample::INFO);
     describe_items(&mut schema);
-    check(&schema, &RecordSample::zeroed().to_json());
+    let mut record = RecordSample::zeroed();
+    record.command.active_axes = 0b11_1111;
+    check(&schema, &record.to_json());
     let reset = &schema["properties"]["kind"]["oneOf"][2];
     assert_eq!((text(reset, "const"), text(reset, "description")), ("Reset", "A reset was asked for."));
 }
@@ -76,4 +82,28 @@ fn describe_items(schema: &mut Value) {
         items["description"] = Value::from("item");
         describe_items(items);
     }
+}
+
+#[test]
+fn axes_have_names_and_the_numbers_of_earlier_recordings_are_read() {
+    let command = CommandSample { active_axes: 0b10_0001, verdict_axis: 1, ..CommandSample::zeroed() };
+    let json = command.to_json();
+    assert_eq!((&json["active_axes"], &json["verdict_axis"]), (&serde_json::json!(["x", "rz"]), &"y".into()));
+    let axes = |active: Value, of_verdict: Value| {
+        let json = with(&with(&json, "active_axes", active), "verdict_axis", of_verdict);
+        CommandSample::from_json(&json).map(|command| (command.active_axes, command.verdict_axis))
+    };
+    assert_eq!(axes(json["active_axes"].clone(), "y".into()), Some((0b10_0001, 1)));
+    assert_eq!(axes(33.into(), 1.into()), Some((0b10_0001, 1)), "as in earlier versions");
+    assert_eq!(axes(serde_json::json!([]), "x".into()), Some((0, 0)));
+    assert_eq!(axes(serde_json::json!(["x", "31", "x"]), "7".into()), Some((0x8000_0001, 7)), "without names");
+    assert_eq!(axes(serde_json::json!(["x", "32"]), "x".into()), None, "no bit");
+    assert_eq!(axes(serde_json::json!(["w"]), "x".into()), None, "no axis");
+}
+
+/// An object with another value.
+fn with(object: &Value, name: &str, value: Value) -> Value {
+    let mut object = object.clone();
+    object[name] = value;
+    object
 }

@@ -29,15 +29,18 @@ pub trait Named {
     const INFO: EnumInfo;
 }
 
-/// Declares an enum: its name in the schema, and for each value its code on the wire and its
-/// meaning. `(none = CODE "meaning");` before the values declares the code for no value.
+/// Declares an enum: its name in the schema, and for each value its code on the wire, its name
+/// there where that is another (`as "name"`), and its meaning. `(none = CODE "meaning");` before the
+/// values declares the code for no value.
 #[macro_export]
 macro_rules! vocabulary {
+    (@name $value:ident) => { stringify!($value) };
+    (@name $value:ident $value_name:literal) => { $value_name };
     (
         $(#[doc = $doc:literal])+
         pub enum $name:ident as $schema:literal {
             $( (none = $none:literal $none_meaning:literal); )?
-            $( $value:ident = $code:literal $meaning:literal; )+
+            $( $value:ident = $code:literal $(as $value_name:literal)? $meaning:literal; )+
         }
     ) => {
         $(#[doc = $doc])+
@@ -76,7 +79,7 @@ macro_rules! vocabulary {
             pub const fn name_of(code: u32) -> &'static str {
                 match code {
                     $( $none => "None", )?
-                    $( $code => stringify!($value), )+
+                    $( $code => $crate::vocabulary!(@name $value $($value_name)?), )+
                     _ => "unknown",
                 }
             }
@@ -89,7 +92,7 @@ macro_rules! vocabulary {
             /// The name in the schema.
             pub const fn name(self) -> &'static str {
                 match self {
-                    $( Self::$value => stringify!($value), )+
+                    $( Self::$value => $crate::vocabulary!(@name $value $($value_name)?), )+
                 }
             }
 
@@ -114,7 +117,11 @@ macro_rules! vocabulary {
                 values: &[
                     $( $crate::EnumValueInfo { name: "None", code: $none, meaning: $none_meaning }, )?
                     $(
-                        $crate::EnumValueInfo { name: stringify!($value), code: $code, meaning: $meaning },
+                        $crate::EnumValueInfo {
+                            name: $crate::vocabulary!(@name $value $($value_name)?),
+                            code: $code,
+                            meaning: $meaning,
+                        },
                     )+
                 ],
             };

@@ -19,4 +19,4 @@ mod declaration;
 mod names;
 
 pub use declaration::{EnumInfo, EnumValueInfo, Named};
-pub use names::{FaultName, LawName, ModeName, Motion, Side, Source, StopReason, VerdictName};
+pub use names::{FaultName, LawName, ModeName, Motion, Side, Source, StopReason, TaskAxis, VerdictName};

@@ -4,6 +4,7 @@
 use core::cmp::Ordering;
 use core::ops::{Add, Mul, Sub};
 
+use admittance_vocabulary::TaskAxis;
 use nalgebra::{SVector, Vector3, Vector6};
 
 const NS_PER_S: f64 = 1e9;
@@ -140,7 +141,14 @@ impl Ord for Span {
 
 /// Names of all task axes. An arm has the first D of them; D = 2 is a planar arm, D = 6 a spatial
 /// one.
-pub const AXIS_NAMES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+pub const AXIS_NAMES: [&str; TaskAxis::ALL.len()] = {
+    let (mut names, mut axis) = ([""; TaskAxis::ALL.len()], 0);
+    while axis < names.len() {
+        names[axis] = TaskAxis::ALL[axis].name();
+        axis += 1;
+    }
+    names
+};
 
 /// How many of them are linear (metres, newtons); the others are angular (radians, newton metres).
 const LINEAR_AXES: usize = 3;

@@ -43,6 +43,8 @@ impl ServiceThread {
             response.stop_reason = last.stop_reason;
             response.active_axes = last.active_axes;
             response.verdict = last.verdict;
+            response.verdict_axis = last.verdict_axis;
+            response.verdict_side = last.verdict_side;
             response.verdict_margin = last.verdict_margin;
             response.verdict_time_s = last.verdict_time_s;
             response.wrench = self.diagnostics.wrench();

@@ -40,11 +40,11 @@ wire_sample! {
             "Mode of the daemon after this cycle.";
         100 source: u32 as Source ["1", "a code of Source"]
             "What the velocity offset comes from.";
-        104 active_axes: u32 ["1", "0 to 63"]
+        104 active_axes: u32 as {TaskAxis} ["1", "0 to 63"]
             "Bit i is set when task axis i (0 = x .. 5 = rz) is in contact and controlled.";
         108 verdict: u32 as Verdict ["1", "a code of Verdict"]
             "Whether the force limits can be met over the horizon.";
-        112 verdict_axis: u32 ["1", "0 to 5"]
+        112 verdict_axis: u32 as TaskAxis ["1", "0 to 5"]
             "Task axis that the verdict speaks of (0 = x .. 5 = rz); 0 without a verdict.";
         116 verdict_side: u32 as Side ["1", "a code of Side"]
             "Force limit that the verdict speaks of.";

@@ -42,11 +42,11 @@ wire_sample! {
             "Motion of the last command.";
         120 stop_reason: u32 as StopReason ["1", "a code of StopReason"]
             "Why the daemon is stopping or stopped.";
-        124 active_axes: u32 ["1", "0 to 63"]
+        124 active_axes: u32 as {TaskAxis} ["1", "0 to 63"]
             "Active axes of the last command, as in the command sample.";
         128 verdict: u32 as Verdict ["1", "a code of Verdict"]
             "Verdict of the last command.";
-        132 verdict_axis: u32 ["1", "0 to 5"]
+        132 verdict_axis: u32 as TaskAxis ["1", "0 to 5"]
             "Task axis that the verdict speaks of.";
         136 verdict_side: u32 as Side ["1", "a code of Side"]
             "Force limit that the verdict speaks of.";

@@ -28,7 +28,7 @@ wire_sample! {
 
 wire_sample! {
     /// The daemon's answer to a request, with its state at that moment.
-    struct ResponseSample: "admittanced.ResponseSample.v1", size 1408, writer "admittanced (service thread)" {
+    struct ResponseSample: "admittanced.ResponseSample.v2", size 1416, writer "admittanced (service thread)" {
         0 id: u64 ["1", "any"]
             "id of the request.";
         8 state_sequence: u64 ["1", ">= 0"]
@@ -57,7 +57,7 @@ wire_sample! {
             "Motion of the last command.";
         92 stop_reason: u32 as StopReason ["1", "a code of StopReason"]
             "Why the daemon is stopping or stopped.";
-        96 active_axes: u32 ["1", "0 to 63"]
+        96 active_axes: u32 as {TaskAxis} ["1", "0 to 63"]
             "Active axes of the last command, as in the command sample.";
         100 verdict: u32 as Verdict ["1", "a code of Verdict"]
             "Verdict of the last command.";
@@ -88,7 +88,11 @@ wire_sample! {
             "Outward surface normal in force x y z, base frame; any length above zero.";
         360 contact_point: [f64; 3] ["m", "finite"]
             "Where the surface is believed to be: a point of it x y z, base frame; 0 before the first cycle.";
-        384 text: [u8; TEXT_LENGTH] ["UTF-8", "valid UTF-8 over text_length bytes, 0 after them"]
+        384 verdict_axis: u32 as TaskAxis ["1", "0 to 5"]
+            "Task axis that the verdict speaks of, as in the command sample.";
+        388 verdict_side: u32 as Side ["1", "a code of Side"]
+            "Force limit that the verdict speaks of, as in the command sample.";
+        392 text: [u8; TEXT_LENGTH] ["UTF-8", "valid UTF-8 over text_length bytes, 0 after them"]
             "For a person: what was done, or why it was refused.";
     }
 }

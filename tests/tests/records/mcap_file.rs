@@ -27,9 +27,10 @@ pub(crate) fn with_altered_bit(original: &Path, altered: &Path) -> u64 {
         .collect();
     let is_command = |id: u16| topics.get(&id).is_some_and(|topic| topic == "/command");
     let json = |data: &[u8]| serde_json::from_slice::<serde_json::Value>(data).expect("JSON");
+    let has_axes = |command: &serde_json::Value| command["active_axes"].as_array().is_some_and(|axes| !axes.is_empty());
     let in_contact: Vec<usize> = (0..records.len())
         .filter(|index| match &records[*index] {
-            Record::Message { header, data } => is_command(header.channel_id) && json(data)["active_axes"] != 0,
+            Record::Message { header, data } => is_command(header.channel_id) && has_axes(&json(data)),
             _ => false,
         })
         .collect();

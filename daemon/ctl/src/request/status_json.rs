@@ -72,9 +72,9 @@ fn latency(said: &Said<'_>, index: usize, is_last_second: bool) -> Value {
 }
 
 /// `None` where there is no verdict.
-fn of_verdict(said: &Said<'_>, value: impl Fn(&DiagnosticsSample) -> Value) -> Option<Value> {
-    let has_verdict = Verdict::from_code(said.diagnostics.verdict).is_some_and(|verdict| verdict != Verdict::None);
-    has_verdict.then(|| value(said.diagnostics))
+fn of_verdict(said: &Said<'_>, value: impl Fn(&ResponseSample) -> Value) -> Option<Value> {
+    let has_verdict = Verdict::from_code(said.response.verdict).is_some_and(|verdict| verdict != Verdict::None);
+    has_verdict.then(|| value(said.response))
 }
 
 macro_rules! names {
@@ -122,8 +122,8 @@ keys! {
         (0..TASK_AXES).filter(is_active).map(|axis| AXIS_NAMES[axis]).collect::<Vec<_>>()
     };
     verdict: names!(Verdict), "Whether the force limits can be met over the horizon; None: no axis is in contact, or the law \
-        gives none. The keys about a verdict are of the last diagnostics, a few of which come each second.",
-        |said| Verdict::name_of(said.diagnostics.verdict);
+        gives none.",
+        |said| Verdict::name_of(said.response.verdict);
     verdict_axis: axis_name, "Task axis that the verdict speaks of; with a verdict alone.", |said| {
         of_verdict(said, |of| AXIS_NAMES.get(of.verdict_axis as usize).copied().into())
     }, if present;
@@ -205,11 +205,9 @@ mod tests {
     use super::*;
 
     fn said(verdict: Verdict) -> Value {
-        let response = ResponseSample { law: Law::Mpc.code(), active_axes: 0b10, ..ResponseSample::zeroed() };
-        let verdict = verdict.code();
-        let (stamp_ns, state_stamp_ns) = (3_000, 1_000);
-        let diagnostics =
-            DiagnosticsSample { verdict, verdict_axis: 1, stamp_ns, state_stamp_ns, ..DiagnosticsSample::zeroed() };
+        let (law, verdict) = (Law::Mpc.code(), verdict.code());
+        let response = ResponseSample { law, active_axes: 0b10, verdict, verdict_axis: 1, ..ResponseSample::zeroed() };
+        let diagnostics = DiagnosticsSample { stamp_ns: 3_000, state_stamp_ns: 1_000, ..DiagnosticsSample::zeroed() };
         values(&Said { response: &response, diagnostics: &diagnostics })
     }
 
