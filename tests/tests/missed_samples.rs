@@ -161,6 +161,20 @@ fn a_pause_in_contact_is_no_wrong_rate() {
     });
 }
 
+/// A controller whose cycle agrees with nothing: it is told so, and no `sampling_time_s` to set.
+#[test]
+fn samples_that_come_unevenly_are_a_wrong_rate_without_advice() {
+    undisturbed(|| {
+        let cell = Cell::new(&[]);
+        // Four pauses of 5 ms and four cycles without one, in turn, until before the contact.
+        let at: Vec<_> = (0..22).map(|turn| ("overrun", 0.032 * f64::from(turn), 0.016)).collect();
+        cell.run(&at);
+        let log = cell.log();
+        assert!(log.contains("Idle: RateMismatch, samples come unevenly, every "), "{log}");
+        assert!(!log.contains("set control.sampling_time_s"), "{log}");
+    });
+}
+
 #[test]
 fn a_stamp_that_is_a_cycle_late_in_contact_is_no_wrong_rate() {
     undisturbed(|| {

@@ -50,6 +50,13 @@ fn a_root_path_that_a_stranger_could_take_or_has_taken_is_not_used() {
     let (code, text) = daemon(&taken);
     assert!(code == Some(77) && text.contains("directly in /tmp, where everyone may take its name"), "{text}");
     assert!(!taken.exists());
+    let told = write(&ipc, "taken.toml", &with_keys(MPC_PAPER, &[("ipc.root_path", &format!("{taken:?}"))]));
+    let doctor = || ended(Command::new(&binaries().admittancectl).args(["doctor", "--config"]).arg(&told));
+    let refused = |text: &str, why: &str| {
+        text.lines().any(|line| ["REFUSED", "root path", why].iter().all(|part| line.contains(part)))
+    };
+    let (code, text) = doctor();
+    assert!(code == Some(1) && refused(&text, "directly in /tmp"), "{text}");
 
     let trap = format!("mkdir -m 0777 \"$1\" \"$1/ipc\"; ln -s {} \"$1/planar.lock\"", precious.display());
     assert!(stranger(&trap, &taken));
@@ -78,14 +85,36 @@ fn a_root_path_that_a_stranger_could_take_or_has_taken_is_not_used() {
 
 #[test]
 fn the_directory_is_closed_before_anything_is_in_it() {
+    if !needs(Need::Strace) {
+        return;
+    }
     let ipc = PrivateIpc::new("planar");
     let config = write(&ipc, "daemon.toml", MPC_PAPER);
-    let mut daemon = start_daemon(&ipc, &config);
+    let (root_path, trace) = (&ipc.settings().root_path, ipc.directory().join("trace"));
+    // Without a mask nothing but the daemon closes it.
+    let traced = daemon_command(&ipc, &config);
+    let mut command = Command::new("sh");
+    command.args(["-c", "umask 0; exec strace -f -e trace=file -o \"$@\"", "sh"]).arg(&trace);
+    let mut daemon = Child::spawn(command.arg(traced.get_program()).args(traced.get_args()));
+    // Not by opening its services, which needs the directory too.
+    let mut owner = String::new();
+    daemon.wait_until("the lock is its own", PATIENCE, |_| {
+        owner = std::fs::read_to_string(root_path.join("planar.lock")).unwrap_or_default();
+        !owner.is_empty()
+    });
     let mode = |path: &Path| std::fs::symlink_metadata(path).expect("it is there").mode() & 0o7777;
-    assert_eq!(mode(&ipc.settings().root_path) & 0o7027, 0, "{:o}", mode(&ipc.settings().root_path));
-    assert_eq!(mode(&ipc.settings().root_path.join("planar.lock")) & 0o7037, 0);
-    daemon.terminate();
+    assert_eq!(mode(root_path) & 0o7027, 0, "{:o}", mode(root_path));
+    assert_eq!(mode(&root_path.join("planar.lock")) & 0o7037, 0);
+    // strace itself waits for the daemon's end.
+    assert!(Command::new("kill").arg(owner.trim()).status().is_ok_and(|status| status.success()));
     assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
+
+    let text = std::fs::read_to_string(&trace).expect("strace wrote it");
+    let first = |what: String| text.lines().position(|line| line.contains(&what) && line.ends_with(") = 0"));
+    let made = first(format!("mkdir({root_path:?}, 0750"));
+    let inside = text.lines().position(|line| line.contains(&format!("\"{}/", root_path.display())));
+    assert!(made.is_some() && made < inside, "made by line {made:?}, used from line {inside:?} on:\n{text}");
+    assert!(!text.lines().any(|line| line.contains("chmod") && line.contains(&format!("{root_path:?}"))), "{text}");
 }
 
 #[test]

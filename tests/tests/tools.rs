@@ -194,6 +194,25 @@ fn on_a_terminal_that_goes(command: &mut Command, is_controlling: bool) -> Optio
 }
 
 #[test]
+fn limits_says_how_far_it_is_and_when_it_will_be_done() {
+    let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/../deploy/robots/planar.toml");
+    // How far it was each time, in per cent, where it says what is left as well.
+    let shares = |text: &str, left: &str| -> Vec<u32> {
+        let share = |line: &str| line.split(" % of ").next()?.split_whitespace().last()?.parse().ok();
+        text.split(['\r', '\n']).filter(|line| line.contains(left)).filter_map(share).collect()
+    };
+    let grows = |shares: Vec<u32>| shares.iter().any(|share| *share > 0) && shares.is_sorted();
+    let (mut limits, _terminal) = Child::spawn_on_terminal(&mut ctl(&["limits", robot]));
+    limits.wait_until("a bar", PATIENCE, |limits| grows(shares(&limits.stdout(), "s left")));
+    limits.signal(libc::SIGINT);
+    assert!(!limits.wait_for_exit(PATIENCE).success());
+    let mut limits = Child::spawn(&mut ctl(&["limits", robot]));
+    limits.wait_until("a line", PATIENCE, |limits| grows(shares(&limits.stderr(), " s left")));
+    limits.signal(libc::SIGTERM);
+    assert!(!limits.wait_for_exit(PATIENCE).success());
+}
+
+#[test]
 fn top_ends_with_its_terminal() {
     let ipc = PrivateIpc::new("planar");
     let config = write(&ipc, "daemon.toml", MPC_PAPER);

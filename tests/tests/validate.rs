@@ -161,3 +161,14 @@ fn the_time_grows_with_the_text_and_no_faster() {
     let (few, many) = (fastest(10_000), fastest(40_000));
     assert!(many < few * 10, "10,000 keys: {few:?}, 40,000: {many:?}");
 }
+
+#[test]
+fn a_file_of_as_many_keys_as_fit_is_read_to_its_end() {
+    let ipc = PrivateIpc::new("planar");
+    let keys: String = (0..100_000).map(|key| format!("k{key}=0\n")).collect();
+    assert!((800_000..1 << 20).contains(&keys.len()), "{} bytes", keys.len());
+    let path = write(&ipc, "many.toml", &format!("[control]\n{keys}"));
+    let (code, text) = validate(&[], &path);
+    assert_eq!((code, text.matches("many.toml:").count()), (Some(78), 101), "{text}");
+    assert!(text.trim_end().ends_with("more errors"), "{text}");
+}

@@ -137,6 +137,34 @@ fn a_recorded_contact_is_replayed_to_the_bit() {
 }
 
 #[test]
+fn a_recording_that_begins_mid_run_is_replayed_whatever_pauses_the_controller_makes() {
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("planar");
+        let config = write(&ipc, "daemon.toml", &patient_default());
+        let _daemon = start_daemon(&ipc, &config);
+        // Of 5 ms: before it begins, soon after, and in contact.
+        let pauses = [0.0, 0.02, 0.1, 0.2, 0.6, 0.604, 0.9, 1.1];
+        let pause = |at_s: &f64| format!("{{ at_s = {at_s:?}, duration_s = 0.004, kind = \"overrun\" }}");
+        let faults = format!("[{}]", pauses.iter().map(pause).collect::<Vec<_>>().join(", "));
+        let scenario = write(&ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &[DELAY, ("fault", &faults)]));
+        let file = ipc.directory().join("late.mcap");
+        let mut recorder = None;
+        let truths = run_plant(&ipc, &scenario, |truth| {
+            if truth.scenario_time_s > 0.03 && recorder.is_none() {
+                recorder = Some(start_recorder(&ipc, &config, &file));
+            }
+        });
+        end_recorder(recorder.expect("begun during the run"));
+        let made = truths.windows(2).filter(|pair| pair[1].stamp_ns - pair[0].stamp_ns == 9_000_000).count();
+        assert_eq!(made, pauses.len(), "pauses");
+        let (code, text) = replay(&file);
+        certain(|| assert_ne!(code, Some(1), "{text}"));
+        assert_eq!(code, Some(0), "{text}");
+        assert!(number_before(&text, " cycles, bit-identical") > 100, "{text}");
+    });
+}
+
+#[test]
 fn orders_and_a_new_configuration_are_replayed_too() {
     undisturbed(|| {
         let ipc = PrivateIpc::new("planar");

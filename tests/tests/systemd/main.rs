@@ -184,7 +184,19 @@ fn what_a_restart_cannot_mend_is_given_up() {
         wait_for_state(&systemd, DAEMON, "failed");
         systemd.wait_for_entry(&format!("-u {DAEMON} --grep='Start request repeated too quickly'"));
         assert_eq!(systemd.property(DAEMON, "ExecMainStatus"), "69");
-        assert_eq!(systemd.journal(&format!("-u {DAEMON} --grep='ipc.root_path writable'")).len() as u64, limit);
+        let refused = systemd.journal(&format!("-u {DAEMON} --grep='ipc.root_path writable'"));
+        assert_eq!(refused.len() as u64, limit);
+        certain(|| assert!(refused.iter().all(|entry| entry["PRIORITY"] == "3"), "{refused:?}"));
+
+        // A right that it does not have.
+        systemd.run("systemctl reset-failed");
+        let unknown = [("realtime.cpu", "1023"), ("realtime.require_realtime", "true")];
+        systemd.write("/etc/admittanced/robot.toml", &config(&unknown));
+        assert_eq!(systemd.try_run(&format!("systemctl start {DAEMON}")).0, Some(1));
+        let entry = systemd.wait_for_entry(&format!("-u {DAEMON} --grep='realtime.cpu must be'"));
+        wait_for_state(&systemd, DAEMON, "failed");
+        assert_eq!(systemd.property(DAEMON, "ExecMainStatus"), "77");
+        certain(|| assert_eq!(entry["PRIORITY"], "3", "{entry}"));
     });
 }
 
