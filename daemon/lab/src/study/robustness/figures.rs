@@ -92,6 +92,8 @@ pub(super) struct Figures {
     by_cause: BTreeMap<Cause, OfCause>,
     /// Bad runs to look at: the commands that show them.
     pub(super) examples: Vec<String>,
+    /// The same of all silent ones.
+    silent_runs: Vec<String>,
 }
 
 /// What shows a run again.
@@ -133,6 +135,11 @@ impl Figures {
             bad: bad().count(),
             by_cause,
             examples: bad().take(MOST_EXAMPLES).map(|run| command(seed, cell, run.index)).collect(),
+            silent_runs: runs
+                .iter()
+                .filter(|run| run.contact.is_silent())
+                .map(|run| command(seed, cell, run.index))
+                .collect(),
         }
     }
 
@@ -166,9 +173,11 @@ impl Figures {
         }
         let causes = self.by_cause.iter().map(|(cause, of)| format!("\n  {cause:?}: {}, {}", of.alone, of.cured));
         let causes: String = causes.collect();
-        let examples: String = self.examples.iter().map(|command| format!("\n  {command}")).collect();
+        let lines = |commands: &[String]| commands.iter().map(|command| format!("\n  {command}")).collect::<String>();
+        let (examples, silent) = (lines(&self.examples), lines(&self.silent_runs));
+        let silent = if silent.is_empty() { silent } else { format!("\nSilent:{silent}") };
         format!(
-            "{table}\n{} of {} runs are bad (seed {}){}{examples}\nBad with one cause alone, good without it:{causes}",
+            "{table}\n{} of {} runs are bad (seed {}){}{examples}{silent}\nBad with one cause alone, good without it:{causes}",
             self.bad,
             self.all.runs,
             self.seed,
