@@ -124,3 +124,40 @@ fn what_the_model_cannot_have_is_refused_by_name() {
         assert!(said.contains(what), "{section}: {said}");
     }
 }
+
+/// Lags that nobody told, at half the speed that the verdict accepts with the model as told: no force
+/// beyond its limit and no loss. Loops of second order are not there yet: their overshoot goes
+/// through the bound at which the plan comes to rest.
+#[test]
+fn at_half_speed_a_lag_that_is_not_told_keeps_the_limit() {
+    let late = |by: f64| move |experiment: &mut Experiment| experiment.scenario.timing.command_delay_s += by;
+    let fast = |experiment: &mut Experiment| {
+        experiment.scenario.robot.velocity_time_constant_s.iter_mut().for_each(|constant| *constant *= 0.5);
+    };
+    let second_order = |experiment: &mut Experiment| {
+        let loops = VelocityLoopDescription { damping: Some(vec![0.5, 0.5]), ..plain() };
+        experiment.scenario.robot.velocity_loop = Some(loops);
+    };
+    for (name, sampling_time, change, most, is_kept) in [
+        ("4 ms more delay", 0.004, &late(0.004) as &dyn Fn(&mut Experiment), 200.0, true),
+        ("2 ms more delay", 0.001, &late(0.002), 200.0, true),
+        ("loops x 0.5", 0.004, &fast, 200.0, true),
+        ("loops x 0.5", 0.001, &fast, 200.0, true),
+        ("second order, damping 0.5", 0.004, &second_order, 205.0, false),
+        ("second order, damping 0.5", 0.001, &second_order, 225.0, false),
+    ] {
+        let mut experiment = Experiment::paper(sampling_time, if sampling_time > 0.002 { 0.16 } else { 0.32 });
+        change(&mut experiment);
+        let (mut peak, mut losses, mut stops) = (0.0f64, 0, 0);
+        experiment.at_instants(16, |share, run: &Run| {
+            let real = run.peak(0).max(run.peak(1));
+            let is_said = run.stop_reason().is_some() || run.infeasible() > 0 || run.counters.exceeded > 0;
+            assert!(real <= MOST || is_said, "{name} at {sampling_time} s, contact at {share}: {real} N in silence");
+            peak = peak.max(real);
+            losses += run.losses();
+            stops += usize::from(run.stop_reason().is_some());
+        });
+        println!("{name}, {sampling_time} s: at most {peak:.1} N, {losses} losses, {stops} stops of 16");
+        assert!(peak <= most && (!is_kept || losses == 0 && stops == 0), "{name}, {sampling_time} s");
+    }
+}
