@@ -7,12 +7,15 @@ mod world;
 pub use contact::{Contact, Peak, outward, press};
 pub use world::{Cause, World};
 
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, ContactPointName};
 use plant_sim::scenario::Scenario;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::limits::{self, Approach, Cases, Found, highest_safe, highest_safe_speed};
+
+/// What a careful person tells a contact point within, m.
+const CONTACT_TOLERANCE_M: f64 = 5e-4;
 
 /// The world with a number among those of a seed, for an arm with so many joints.
 pub fn world(seed: u64, index: u64, joints: usize) -> World {
@@ -59,6 +62,19 @@ impl Cell {
     /// The same where all of that is known.
     pub(crate) fn known(config: Config, approach: &Approach, highest_speed_m_s: f64) -> Self {
         Self { config, approach: approach.clone(), highest_speed_m_s }
+    }
+
+    /// The same cell where the stiffness is only known to be within a factor of `within` of the one told,
+    /// and the contact point within 0.5 mm. The speed stays.
+    #[must_use]
+    pub fn knowing_a_range(mut self, within: f64) -> Self {
+        let environment = &mut self.config.environment;
+        let told = environment.normal_stiffness_n_m;
+        environment.stiffness_range_n_m = Some([told / within, told * within]);
+        environment.contact_tolerance_m =
+            (environment.contact == ContactPointName::Configured).then_some(CONTACT_TOLERANCE_M);
+        environment.wrench_noise_n = world::NOISE_N;
+        self
     }
 
     /// The highest speed, not above the one with the model as told, at which in none of so many

@@ -24,11 +24,19 @@ pub(crate) struct Args {
     /// Only this cell; all of them when absent.
     #[arg(long, value_parser = cells::NAMES)]
     cell: Option<String>,
+    /// Tell the controller only that the stiffness is within this factor of what it would be told.
+    #[arg(long, value_name = "FACTOR", value_parser = within)]
+    stiffness_within: Option<f64>,
     /// Only this run, and all about it.
     #[arg(long)]
     index: Option<u64>,
     #[command(flatten)]
     options: offline::Options,
+}
+
+fn within(text: &str) -> Result<f64, String> {
+    let factor = text.parse().ok().filter(|factor| (1.0..=10.0).contains(factor));
+    factor.ok_or_else(|| "accepted: 1 to 10".to_owned())
 }
 
 /// A contact in a random world.
@@ -68,7 +76,10 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         return Err((Exit::Usage, "--figure: accepted by `study verdict` alone".to_owned()));
     }
     let internal = |why| (Exit::Internal, why);
-    let cells = cells::all(args.cell.as_deref(), threads).map_err(internal)?;
+    let mut cells = cells::all(args.cell.as_deref(), threads).map_err(internal)?;
+    if let Some(within) = args.stiffness_within {
+        cells = cells.into_iter().map(|(name, cell)| (name, cell.knowing_a_range(within))).collect();
+    }
     if let Some(index) = args.index {
         print!("{}", describe(&cells, args.seed, index).map_err(internal)?);
         return Ok(Exit::Ok);
