@@ -104,7 +104,6 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let joints = joints.follow(sample, output.under_way());
         let way = way.as_mut().and_then(|way| way.follow(sample, &joints, output.under_way()));
         belief.sense(sample);
-        supervisor.count_exceeded(belief);
         let felt = belief.felt(&sample.wrench);
         supervisor.admit(sample, &felt);
         if supervisor.is_in_control() {
@@ -124,6 +123,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             };
             supervisor.heed(guards, singular, sample, output.is_zero());
         }
+        supervisor.count_exceeded(belief);
         if matches!(supervisor.mode(), Mode::Idle(_)) {
             belief.release();
         }

@@ -52,6 +52,11 @@ impl Way {
         self.pieces().last().map_or(0.0, |piece| piece.depth[2])
     }
 
+    /// Greatest depth on it, m.
+    pub(crate) fn deepest(&self) -> f64 {
+        self.pieces().iter().flat_map(|piece| piece.depth).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// Bends it by the cubic that ends with this depth (m) and rate (m/s) instead of those that it
     /// has, `rate` being its own at the end.
     pub(crate) fn bend(&mut self, depth: f64, rate: f64, wanted_rate: f64) {

@@ -198,12 +198,16 @@ impl<const D: usize> Supervisor<D> {
             && matches!(self.mode, Mode::Contact(_) | Mode::Stopping(_))
     }
 
-    /// Counts a cycle in which the force, without the lag of f̂, is beyond what a plan may have.
+    /// Counts a cycle in which the force, without the lag of f̂ or as a set of surfaces knows it, is
+    /// beyond what a plan may have.
     pub(crate) fn count_exceeded(&mut self, belief: &Belief<D>) {
-        let Settings { force_limit, limit_tolerance, .. } = &self.settings;
+        let Settings { force_limit, limit_tolerance, thresholds, .. } = &self.settings;
         let tolerance = |axis: usize| limit_tolerance * force_limit[axis];
         let passed = self.settings.limits().are_passed_without_lag(belief.without_lag(), tolerance);
-        self.exceeded += u64::from(passed);
+        let along = |axis: usize| (force_limit[axis] + tolerance(axis)) / belief.surface().normal[axis].abs();
+        let limit = belief.surface_signs().axes(&thresholds.admittance).map(along).fold(f64::INFINITY, f64::min);
+        let by_set = || belief.set().is_some_and(|set| set.has_exceeded(limit));
+        self.exceeded += u64::from(passed || by_set());
     }
 
     /// What the guards say about a sample. In contact they also count the cycles in a row.

@@ -29,6 +29,8 @@ pub struct Contact {
     pub stop_reason: Option<StopReason>,
     /// Whether any verdict was infeasible.
     pub is_infeasible: bool,
+    /// Whether any verdict was that it is at risk.
+    pub is_at_risk: bool,
     /// Samples in which the controller counted a force above its limit.
     pub counted: u64,
     /// Whether the tool touched, and every sample was used.
@@ -36,9 +38,10 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Above the limit, and nothing said so: no stop, no infeasible verdict, and no sample counted.
+    /// Above the limit, and nothing said so: no stop, no verdict that it can't or may not be kept, and
+    /// no sample counted.
     pub fn is_silent(&self) -> bool {
-        self.is_over && self.stop_reason.is_none() && !self.is_infeasible && self.counted == 0
+        self.is_over && self.stop_reason.is_none() && !self.is_infeasible && !self.is_at_risk && self.counted == 0
     }
 }
 
@@ -69,7 +72,7 @@ pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
     let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
     let (mut peak, mut touched_s, mut losses, mut late_losses) = (Peak::default(), None, 0, 0);
-    let (mut stop_reason, mut is_infeasible) = (None, false);
+    let (mut stop_reason, mut is_infeasible, mut is_at_risk) = (None, false, false);
     let mut has_fault = false;
     while let Some(Step { command, truth, report, .. }) = run.step()? {
         has_fault |= report.fault.is_some();
@@ -83,6 +86,7 @@ pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
         }
         losses = truth.contact_losses;
         is_infeasible |= command.verdict == Verdict::Infeasible.code();
+        is_at_risk |= command.verdict == Verdict::AtRisk.code();
         if command.stop_reason != StopReason::NONE && stop_reason.is_none() {
             stop_reason = StopReason::from_code(command.stop_reason);
         }
@@ -90,7 +94,7 @@ pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
     let is_complete = touched_s.is_some() && !has_fault;
     let Peak { ratio: peak_ratio, is_over } = peak;
     let counted = run.cycle.counters().exceeded;
-    Ok(Contact { peak_ratio, is_over, late_losses, stop_reason, is_infeasible, counted, is_complete })
+    Ok(Contact { peak_ratio, is_over, late_losses, stop_reason, is_infeasible, is_at_risk, counted, is_complete })
 }
 
 /// The peak when every joint goes outward at its speed limit from the first active sample on: what

@@ -92,6 +92,8 @@ pub(crate) struct SurfaceSet {
     fading: f64,
     /// A surface that begins here, for a force that no surface explains yet.
     unexplained: Spring,
+    /// Greatest depth since the sample before, m.
+    deepest: f64,
     risk: f64,
 }
 
@@ -111,6 +113,7 @@ impl SurfaceSet {
             is_outside: false,
             fading: 0.0,
             unexplained: Spring { depth: 0.0, stiffness: least },
+            deepest: f64::NEG_INFINITY,
             risk: prior.risk,
         }
     }
@@ -127,7 +130,7 @@ impl SurfaceSet {
     pub(crate) fn forget(&mut self) {
         self.stage = Stage::Touch(Touch::new());
         (self.tuning.range, self.remembered, self.fading) = (self.told, 0.0, 0.0);
-        self.is_outside = false;
+        (self.is_outside, self.deepest) = (false, f64::NEG_INFINITY);
     }
 
     /// On to a sample at `depth` (m) that shows a pressing `force` (N). Without a `way` from the
@@ -137,6 +140,7 @@ impl SurfaceSet {
             self.forget();
             return;
         };
+        self.deepest = way.deepest();
         let time = way.duration();
         self.fading *= if self.tuning.lag > 0.0 { libm::exp(-time / self.tuning.lag) } else { 0.0 };
         self.remembered = (self.remembered - time).max(0.0);
@@ -242,6 +246,13 @@ impl SurfaceSet {
             Stage::Hold(hold) => Some(hold.strongest(depth, deviations)),
         }
         .unwrap_or(spring.stiffness * (depth - spring.depth))
+    }
+
+    /// Whether since the sample before some force was likelier than not above this one (N): between
+    /// samples it is higher than at either, and what is believed has far less noise than f̂ without its
+    /// lag.
+    pub(crate) fn has_exceeded(&self, force: f64) -> bool {
+        self.share_above(force, self.deepest) > 0.5
     }
 
     /// How likely a surface is that presses with more than `force` (N) at `depth`.

@@ -26,7 +26,7 @@ pub(super) struct Counts {
     with_losses: usize,
     /// Stopped although full outward speed keeps the limit.
     false_stops: usize,
-    /// Above the limit without a stop, an infeasible verdict, or a sample that was counted.
+    /// Above the limit without a stop, a verdict that it can't or may not be kept, or a sample that was counted.
     silent: usize,
 }
 
