@@ -9,11 +9,14 @@ use crate::mpc::constraints::{RowKind, Softened};
 use crate::mpc::qp::fill_last_group;
 use crate::robot::Interval;
 
-/// 1 over the largest finite bound; 1 if there is none.
+/// A bound below this (N, m/s, rad) is zero but for rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// 1 over the largest finite bound; 1 if there is none but zero.
 fn weight(lower: f64, upper: f64) -> f64 {
     let large = |bound: f64| if bound.is_finite() { bound.abs() } else { 0.0 };
     let scale = large(lower).max(large(upper));
-    if scale > 0.0 { 1.0 / scale } else { 1.0 }
+    if scale > ROUNDING { 1.0 / scale } else { 1.0 }
 }
 
 /// Bounds and weights of all rows, while they are written.
@@ -174,5 +177,16 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
                 core::iter::once((SimdVector::ZERO, Weighted::new(&[0.0], &[f64::INFINITY]))),
             );
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::weight;
+
+    /// A lower bound of 8e-12 N that a force had reached: with a weight of 1e11 no digit is left of its row.
+    #[test]
+    fn what_is_zero_but_for_rounding_has_no_weight_of_its_own() {
+        assert_eq!([weight(8e-12, f64::INFINITY), weight(0.0, f64::INFINITY), weight(0.5, 2.0)], [1.0, 1.0, 0.5]);
     }
 }

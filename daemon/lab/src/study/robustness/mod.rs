@@ -143,6 +143,18 @@ mod tests {
         args: Args,
     }
 
+    /// `--seed 21 --stiffness-within 2.5 --index 13`: a lower bound of 8e-12 N that a force had reached was
+    /// taken for a scale, and the answers of the solver were refused until the arm stopped.
+    #[test]
+    fn a_force_that_is_hardly_reached_stops_no_arm() {
+        let (_, cell) = cells::all(Some("planar, 1 ms"), 1).unwrap().remove(0);
+        let cell = cell.knowing_a_range(2.5);
+        let world = plausible::world(21, 13, 2);
+        let scenario = cell.scenario(&world, SPEEDS[2] * cell.highest_speed_m_s, |_| true);
+        let contact = plausible::press(cell.config(), &scenario).unwrap();
+        assert_eq!((contact.stop_reason, contact.is_over), (None, false), "{contact:?}");
+    }
+
     #[test]
     fn an_example_is_the_command_that_shows_the_run_again() {
         const SEED: u64 = 3;
