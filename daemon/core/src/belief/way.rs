@@ -127,6 +127,15 @@ mod tests {
     }
 
     #[test]
+    fn the_deepest_point_is_between_two_samples() {
+        let mut way = Way::new();
+        assert_eq!(way.deepest(), f64::NEG_INFINITY);
+        way.push(Piece { duration: 0.001, depth: [1e-3, 3e-3, 2e-3] }).unwrap();
+        way.push(Piece { duration: 0.001, depth: [2e-3, 1e-3, 1e-3] }).unwrap();
+        assert_eq!(way.deepest(), 3e-3);
+    }
+
+    #[test]
     fn a_bent_way_ends_as_it_was_measured() {
         let mut way = Way::new();
         // 0.1 m/s for 4 ms, in 4 pieces.

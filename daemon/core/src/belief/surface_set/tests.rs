@@ -70,6 +70,27 @@ fn set(noise: f64) -> SurfaceSet {
 }
 
 #[test]
+fn a_force_is_known_to_exceed_a_limit_or_not() {
+    let mut world = World { stiffness: 8e4, begins: 0.0123, speed: 0.2, noise: 0.5, seed: 5 };
+    let mut set = set(world.noise);
+    let (before, cycles) = (30, 40);
+    let exact = shown(&world, world.begins, -before, before + cycles);
+    for cycle in -before..cycles {
+        let time = CYCLE * f64::from(cycle + 1);
+        let force = world.stiffness * exact[(cycle + before) as usize] + world.error();
+        set.follow(Some(&world.way(time)), world.depth(time), force, force > 5.0);
+        let depth = |part: i32| world.depth(time - CYCLE * f64::from(part) / 64.0);
+        let peak = world.stiffness * ((0..=64).map(depth).fold(f64::NEG_INFINITY, f64::max) - world.begins);
+        // f̂ without its lag has five standard deviations of 18 N here.
+        if cycle > 12 {
+            assert!(set.has_exceeded(0.96 * peak) && !set.has_exceeded(1.04 * peak), "{peak} N in cycle {cycle}");
+        }
+    }
+    set.forget();
+    assert!(!set.has_exceeded(0.0), "nothing is known");
+}
+
+#[test]
 fn the_set_of_a_touch_is_that_of_a_grid() {
     // The grid of contact depths reaches so many seconds of the way to both sides.
     for (stiffness, speed, noise, cycles, reach) in
