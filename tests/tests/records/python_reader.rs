@@ -35,10 +35,11 @@ try:
                 for name, field in schema["properties"].items():
                     # All that Foxglove takes.
                     assert field["type"] in ("number", "integer", "string", "array"), name
-                    assert field["type"] != "array" or field["items"]["type"] in ("number", "integer"), name
+                    assert field["type"] != "array" or field["items"]["type"] in ("number", "integer", "string"), name
                 assert set(message) == set(schema["required"]) == set(schema["properties"]), channel.topic
                 if channel.topic == "/command":
                     assert message["mode"] in ("Idle", "Free", "Contact", "Stopping", "Stopped"), message["mode"]
+                    assert set(message["active_axes"]) <= {"x", "y"} and message["verdict_axis"] in ("x", "y"), message
                 counts[channel.topic] += 1
             elif isinstance(record, Attachment):
                 attachments.append((record.name, record.data.decode()))
