@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Instructions per warm solve of every problem file, counted by callgrind: a figure that a busy machine does not change.
+"""Instructions per warm solve of every problem file, and per cycle of a contact with the surface known and with a range of it,
+counted by callgrind: a figure that a busy machine does not change.
 
-    instructions.py PROGRAM            compares with instructions.json; exit 1 when a file takes over 3 % more
-    instructions.py PROGRAM --write    writes what it counts
+    instructions.py EXAMPLES            compares with instructions.json; exit 1 when something takes over 3 % more
+    instructions.py EXAMPLES --write    writes what it counts
 
-PROGRAM is the release build of the example "solve". What a run takes besides solving cancels out: the difference of three
-rounds and one is counted.
+EXAMPLES is the directory of the release builds of the examples "solve" and "cycles". What a run takes besides solving and
+stepping cancels out: the difference of three rounds and one is counted.
 """
 
 import json
@@ -18,12 +19,13 @@ import tempfile
 HERE = pathlib.Path(__file__).resolve().parent
 RECORD = HERE / "instructions.json"
 PROBLEMS_PER_FILE = 80
+CYCLES_PER_ROUND = 300
 TOLERANCE = 0.03
 
 
-def count(program, file, rounds):
+def count(program, rounds):
     with tempfile.TemporaryDirectory() as directory:
-        command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={directory}/out", program, str(file), str(rounds)]
+        command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={directory}/out", *program, str(rounds)]
         run = subprocess.run(command, capture_output=True, text=True)
     found = re.search(r"Collected : (\d+)", run.stderr)
     if run.returncode != 0 or not found:
@@ -34,10 +36,17 @@ def count(program, file, rounds):
 def main():
     if len(sys.argv) not in (2, 3) or sys.argv[2:] not in ([], ["--write"]):
         sys.exit(__doc__)
-    program = sys.argv[1]
-    found = {}
+    examples = pathlib.Path(sys.argv[1])
+    programs = {}
     for file in sorted((HERE / "problems").glob("*.bin")):
-        found[file.stem] = round((count(program, file, 3) - count(program, file, 1)) / 2 / PROBLEMS_PER_FILE)
+        programs[file.stem] = ([examples / "solve", file], PROBLEMS_PER_FILE)
+    for joints in ("two", "six"):
+        for told in ("known", "range"):
+            programs[f"cycle, {joints} joints, {told}"] = ([examples / "cycles", joints, told], CYCLES_PER_ROUND)
+    found = {}
+    for name, (program, pieces) in programs.items():
+        program = [str(word) for word in program]
+        found[name] = round((count(program, 3) - count(program, 1)) / 2 / pieces)
     if sys.argv[2:]:
         RECORD.write_text(json.dumps(found, indent=2) + "\n")
         return
@@ -46,10 +55,10 @@ def main():
     for name, instructions in found.items():
         change = instructions / recorded[name] - 1
         verdict = "too many" if change > TOLERANCE else "fewer: write them down" if change < -TOLERANCE else "as recorded"
-        print(f"{name}: {instructions} instructions per solve, {100 * change:+.1f} %, {verdict}")
+        print(f"{name}: {instructions} instructions, {100 * change:+.1f} %, {verdict}")
         slower |= change > TOLERANCE
     if slower:
-        sys.exit(f"over {100 * TOLERANCE:.0f} % more instructions than recorded: find out why, or run {sys.argv[0]} PROGRAM --write")
+        sys.exit(f"over {100 * TOLERANCE:.0f} % more instructions than recorded: find out why, or run {sys.argv[0]} EXAMPLES --write")
 
 
 if __name__ == "__main__":
