@@ -90,6 +90,11 @@ pub(super) fn rows() -> Vec<Row> {
             "ahead of CLOCK_MONOTONIC",
         ),
         Row {
+            fault: "The motion controller pauses for 5 ms in each cycle for a while; no sample is lost.",
+            injection: Injection::Scripted(Kind::Overrun),
+            ..row("controller_pauses", Expectation::undisturbed(FREE), Expectation::undisturbed(CONTACT))
+        },
+        Row {
             fault: "The motion controller publishes nothing for a while.",
             injection: Injection::Scripted(Kind::Drop),
             ..row(

@@ -195,7 +195,7 @@ fn motions() -> Vec<Row> {
 }
 
 fn models() -> Vec<Row> {
-    use StopReason::{ForceExceeded, ModelDisagrees, SolverFailed};
+    use StopReason::{ForceExceeded, ModelDisagrees, SolverFailed, SurfaceOutsideRange};
     vec![
         wrong_model(
             "wrong_stiffness",
@@ -226,6 +226,33 @@ fn models() -> Vec<Row> {
                     log: by_daemon(&["Stopping: ForceExceeded", "Stopped: ForceExceeded"]),
                     force: Force::VirtualTime,
                     recovery: vec![Step::RestartPlant, Step::Retreat, Step::Reset],
+                    ..Expectation::undisturbed(CONTACT)
+                },
+            )
+        },
+        Row {
+            fault: "Of the surface a range of stiffness is told, and it is five times as hard as the hardest.",
+            daemon: &[
+                ("environment.normal_stiffness_n_m", "1.5e4"),
+                ("environment.stiffness_range_n_m", "[1e4, 2e4]"),
+                ("environment.contact_tolerance_m", "0.002"),
+                ("environment.wrench_noise_n", "0.5"),
+            ],
+            ..row(
+                "surface_outside_range",
+                Expectation {
+                    note: "Without contact the model of the surface is not used.",
+                    ..Expectation::undisturbed(FREE)
+                },
+                Expectation {
+                    robot: Robot::MinimumForceStop,
+                    command: vec![FREE, CONTACT, stopping(SurfaceOutsideRange), stopped(SurfaceOutsideRange)],
+                    log: by_daemon(&[
+                        "Stopping: SurfaceOutsideRange, it is harder than environment.stiffness_range_n_m allows",
+                        "Stopped: SurfaceOutsideRange",
+                    ]),
+                    force: Force::VirtualTime,
+                    recovery: vec![Step::CorrectFile, Step::Reload, Step::Retreat, Step::Reset],
                     ..Expectation::undisturbed(CONTACT)
                 },
             )
