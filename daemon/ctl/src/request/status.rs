@@ -48,6 +48,13 @@ pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
             coordinates(&response.surface_normal),
             coordinates(&response.contact_point)
         );
+        let [least, most] = response.believed_stiffness_band_n_m;
+        if least < most {
+            println!(
+                "believed          {:.0} N/m, {least:.0} to {most:.0} (of a range that is told; one standard deviation)",
+                response.believed_stiffness_n_m
+            );
+        }
         println!("velocity offset   {} (m/s, rad/s)", axes_text(&response.velocity_offset));
         println!(
             "cycles            {}: fallback {}, late {}, missed {}, rejected {}",

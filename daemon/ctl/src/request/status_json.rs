@@ -77,6 +77,11 @@ fn of_verdict(said: &Said<'_>, value: impl Fn(&ResponseSample) -> Value) -> Opti
     has_verdict.then(|| value(said.response))
 }
 
+/// `None` before the first sample was answered.
+fn of_sample(said: &Said<'_>, value: impl Into<Value>) -> Option<Value> {
+    (said.response.state_sequence > 0).then(|| value.into())
+}
+
 macro_rules! names {
     ($enumeration:ident) => {
         || {
@@ -143,6 +148,11 @@ keys! {
         |said| said.response.velocity_offset.to_vec();
     normal_stiffness_n_m: number, "N/m: stiffness in force along the surface normal.",
         |said| said.response.normal_stiffness_n_m;
+    believed_stiffness_n_m: number, "N/m: stiffness along the normal as it is believed to be; once there was a sample.",
+        |said| of_sample(said, said.response.believed_stiffness_n_m), if present;
+    believed_stiffness_band_n_m: || numbers(2), "N/m: least and greatest that it may be: one standard deviation where a range \
+        is told, else that stiffness; once there was a sample.",
+        |said| of_sample(said, said.response.believed_stiffness_band_n_m.to_vec()), if present;
     surface_normal: point, "Outward surface normal in force, base frame.", |said| said.response.surface_normal.to_vec();
     contact_point_m: point, "m: a point of the surface as it is believed to be, base frame.",
         |said| said.response.contact_point.to_vec();
@@ -206,7 +216,14 @@ mod tests {
 
     fn said(verdict: Verdict) -> Value {
         let (law, verdict) = (Law::Mpc.code(), verdict.code());
-        let response = ResponseSample { law, active_axes: 0b10, verdict, verdict_axis: 1, ..ResponseSample::zeroed() };
+        let response = ResponseSample {
+            law,
+            state_sequence: 7,
+            active_axes: 0b10,
+            verdict,
+            verdict_axis: 1,
+            ..ResponseSample::zeroed()
+        };
         let diagnostics = DiagnosticsSample { stamp_ns: 3_000, state_stamp_ns: 1_000, ..DiagnosticsSample::zeroed() };
         values(&Said { response: &response, diagnostics: &diagnostics })
     }
