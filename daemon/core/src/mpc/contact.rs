@@ -135,7 +135,14 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // weight: an error of the model would throw the arm from one to the other.
         // Axes that hardly feel the surface press in another way.
         let feels = |bound: &&AxisBound| situation.belief.surface_signs().sign(bound.axis).is_some();
-        let along_normal = |bound: &AxisBound| bound.minimum / surface.normal[bound.axis].abs();
+        let along_normal = |bound: &AxisBound| {
+            let (part, kept) = (surface.normal[bound.axis].abs(), demand.kept[bound.axis]);
+            if kept > f64::NEG_INFINITY {
+                pressing(kept / part).min(of_set.map_or(f64::INFINITY, |set| set.most_kept()))
+            } else {
+                0.0
+            }
+        };
         let felt = bounds.as_slice().iter().filter(feels);
         let kept = if is_soft { felt.map(along_normal).fold(0.0, f64::max) } else { 0.0 };
         let normal_force = match set {

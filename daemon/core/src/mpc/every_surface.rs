@@ -156,6 +156,11 @@ impl SetBounds {
         Some(Verdict::AtRisk { share, excess, axis, time })
     }
 
+    /// The force along the normal that is kept at most, N of the likeliest surface.
+    pub(super) fn most_kept(&self) -> f64 {
+        MOST_MINIMUM * self.maximum
+    }
+
     /// The bounds of an axis.
     pub(super) fn bound<const D: usize>(
         &self,
@@ -165,7 +170,7 @@ impl SetBounds {
         normal: &SVector<f64, D>,
     ) -> AxisBound {
         let part = normal[axis].abs();
-        AxisBound { axis, sign, minimum: minimum.min(MOST_MINIMUM * self.maximum * part), maximum: self.maximum * part }
+        AxisBound { axis, sign, minimum: minimum.min(self.most_kept() * part), maximum: self.maximum * part }
     }
 }
 

@@ -125,6 +125,8 @@ pub(crate) struct Demand<const D: usize> {
     pub signs: [f64; D],
     /// Lower bound of s·f_lin in N; −∞ where none holds.
     pub minimum: [f64; D],
+    /// The force that is to be kept in N, where a lower bound holds: the bound, or more.
+    pub kept: [f64; D],
     /// Largest speed into the surface that may be commanded, m/s; ∞ where it is not bounded.
     pub inward_speed: f64,
     /// Whether the arm has been brought to a halt, and the force is to settle.

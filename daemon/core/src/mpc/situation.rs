@@ -19,7 +19,7 @@ const PIECES: u32 = 8;
 
 /// Largest lead in m/s: near a singular pose it grows without bound, and what is linear in the
 /// lag does not hold.
-const MOST_LEAD: f64 = 0.01;
+const MOST_LEAD: f64 = 0.02;
 
 /// Everything that a cycle knows, and the model that follows from it.
 #[derive(Debug, Clone, Copy)]

@@ -29,7 +29,14 @@ fn accepted(sample: &Sample<2, 2>) -> Accepted<2, 2> {
 
 /// Both axes in contact, f_min from the start.
 fn demand() -> Demand<2> {
-    Demand { active: [true; 2], signs: [-1.0; 2], minimum: [0.1; 2], inward_speed: f64::INFINITY, settles: false }
+    Demand {
+        active: [true; 2],
+        signs: [-1.0; 2],
+        minimum: [0.1; 2],
+        kept: [0.1; 2],
+        inward_speed: f64::INFINITY,
+        settles: false,
+    }
 }
 
 /// What `solve` says of a contact that presses with `force` N while ṗ0 moves inward at `speed` m/s.
@@ -127,7 +134,7 @@ fn a_reference_that_is_too_fast_for_the_joints_is_answered_with_what_it_asks_its
         };
         let mut mpc = mpc_of(&parameters);
         // Unequal lags lift the arm off at once: no lower bound.
-        let demand = Demand { minimum: [f64::NEG_INFINITY; 2], ..demand() };
+        let demand = Demand { minimum: [f64::NEG_INFINITY; 2], kept: [f64::NEG_INFINITY; 2], ..demand() };
         solved_at(&mut mpc, &sample, |mpc, situation| match mpc.press(situation, &demand, &mut || false) {
             Solution::Planned { plan, verdict: Verdict::Feasible { .. }, .. } => check(plan, situation),
             solution => panic!("{solution:?}"),

@@ -14,6 +14,8 @@ const RETURN: f64 = 0.25;
 /// For so long the arm is slow: in free motion after it bounced off, since then the surface is not
 /// there any more; and in contact once the impact is over, since then it has settled.
 const RETURN_FOR: Span = Span::from_nanoseconds(500_000_000);
+/// An arm that has not moved in for so long was halted, though it never moved out again.
+const RESTING: Span = Span::from_nanoseconds(20_000_000);
 
 /// The way back to a surface that the tool has bounced off.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,8 +43,8 @@ impl Return {
 /// How far an impact has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Impact {
-    /// The arm still moves in.
-    Braking,
+    /// The arm still moves in, or has stood since then.
+    Braking { stands_since: Option<Instant> },
     /// The arm moves out again, and may still touch.
     Rebound,
     /// The arm has left the surface, or has come to rest on it. Until then it moves in slowly.
@@ -50,6 +52,8 @@ enum Impact {
 }
 
 impl Impact {
+    const BRAKING: Self = Self::Braking { stands_since: None };
+
     fn over(now: Instant) -> Self {
         Self::Over { slow_until: now + RETURN_FOR }
     }
@@ -80,7 +84,7 @@ impl<const D: usize> ContactMemory<D> {
             reached: [false; D],
             deepest: [0.0; D],
             approach: 0.0,
-            impact: if bounced.is_some() { Impact::over(now) } else { Impact::Braking },
+            impact: if bounced.is_some() { Impact::over(now) } else { Impact::BRAKING },
             returned: bounced.map_or(f64::INFINITY, |bounced| bounced.speed),
             mismatches: 0,
             unsolved: 0,
@@ -108,17 +112,26 @@ impl<const D: usize> ContactMemory<D> {
     /// The arm moves out of the surface at `speed` (m/s), and `has_left` it or has not.
     fn go_on_with_impact(&mut self, speed: f64, has_left: bool, now: Instant) {
         self.impact = match self.impact {
-            Impact::Braking if speed > STANDSTILL && self.has_reached() => Impact::Rebound,
+            Impact::Braking { .. } if speed > STANDSTILL && self.has_reached() => Impact::Rebound,
+            Impact::Braking { stands_since } if speed > -STANDSTILL => {
+                let since = stands_since.unwrap_or(now);
+                if now.since(since) < RESTING {
+                    Impact::Braking { stands_since: Some(since) }
+                } else {
+                    Impact::over(now)
+                }
+            }
+            Impact::Braking { .. } => Impact::BRAKING,
             Impact::Rebound if speed < 0.0 || has_left => Impact::over(now),
             // An arm that came back faster than it was told to has to be halted once more.
-            Impact::Over { .. } if -speed > self.returned + FOLLOWING && !self.has_reached() => Impact::Braking,
+            Impact::Over { .. } if -speed > self.returned + FOLLOWING && !self.has_reached() => Impact::BRAKING,
             stage => stage,
         };
     }
 
     /// Whether the arm has been brought to a halt: now the force is to settle.
     pub(super) fn is_settling(&self) -> bool {
-        self.impact != Impact::Braking
+        !matches!(self.impact, Impact::Braking { .. })
     }
 
     /// The largest speed into the surface that may be commanded, in m/s, `now` that ṗ0 moves out of
@@ -188,6 +201,18 @@ mod tests {
     }
 
     #[test]
+    fn an_arm_that_stands_is_halted_though_it_never_moved_out() {
+        let mut memory = ContactMemory::<2>::new(None, START);
+        let mut go_on = |speed, milliseconds: u64| {
+            memory.go_on_with_impact(speed, false, START + Span::from_nanoseconds(milliseconds * 1_000_000));
+            memory.is_settling()
+        };
+        assert!(!go_on(-0.2, 0) && !go_on(-0.0005, 10) && !go_on(-0.0005, 29), "too short");
+        assert!(!go_on(-0.002, 30) && !go_on(0.0, 31) && !go_on(0.0, 50), "it moved in between");
+        assert!(go_on(0.0, 51));
+    }
+
+    #[test]
     fn a_bounce_between_two_samples_has_a_way_back_too() {
         let mut memory = ContactMemory::<2>::new(None, START);
         let _ = memory.inward_speed(-0.2, START);
@@ -202,7 +227,7 @@ mod tests {
         for (speed, is_braking) in [(-0.05, false), (-0.2, true)] {
             let mut memory = ContactMemory::<2>::new(back, START);
             memory.go_on_with_impact(speed, false, START);
-            assert_eq!(memory.impact == Impact::Braking, is_braking, "at {speed} m/s");
+            assert_eq!(memory.impact == Impact::BRAKING, is_braking, "at {speed} m/s");
         }
     }
 }

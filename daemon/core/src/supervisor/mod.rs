@@ -326,7 +326,7 @@ impl<const D: usize> Supervisor<D> {
     pub(crate) fn demand<const N: usize>(&mut self, situation: &Situation<'_, N, D>) -> Demand<D> {
         let (belief, twist_reference) = (situation.belief, &situation.sample.twist_reference);
         let (active, signs) = (belief.contact().active(), belief.bounded_signs());
-        let (mut minimum, mut inward_speed) = ([f64::NEG_INFINITY; D], f64::INFINITY);
+        let (mut minimum, mut kept, mut inward_speed) = ([f64::NEG_INFINITY; D], [f64::NEG_INFINITY; D], f64::INFINITY);
         let mut settles = false;
         if let Mode::Contact(memory) = &mut self.mode {
             if self.settings.inward_speed == InwardSpeed::Approach {
@@ -344,8 +344,10 @@ impl<const D: usize> Supervisor<D> {
                         memory.lower_bound(axis, situation.spring_force(axis, signs[axis]), minimum_force)
                     }
                 };
+                // An arm that was halted short of f_min goes on to it.
+                kept[axis] = if settles && minimum[axis] > f64::NEG_INFINITY { minimum_force } else { minimum[axis] };
             }
         }
-        Demand { active, signs, minimum, inward_speed, settles }
+        Demand { active, signs, minimum, kept, inward_speed, settles }
     }
 }

@@ -112,7 +112,7 @@ impl Round {
                 ends.askers.ask(random);
                 ends.askers.hear(PATIENCE, findings);
                 if random.random_ratio(1, 300) {
-                    self.happen(cell, &mut allowed, &mutations, &mut watch, arena, random)?;
+                    self.happen(cell, (&mut allowed, &mut ends.askers), &mutations, &mut watch, arena, random)?;
                 }
                 if self.kills && random.random_ratio(1, 1500) {
                     (asked, done) = (asked + ends.askers.asked, done + ends.askers.done);
@@ -154,7 +154,7 @@ impl Round {
     fn happen(
         &mut self,
         cell: &Cell,
-        allowed: &mut Bounds,
+        (allowed, askers): (&mut Bounds, &mut Askers),
         mutations: &Mutations,
         watch: &mut Watch,
         arena: &mut Arena,
@@ -169,6 +169,7 @@ impl Round {
                     // It may be refused, or an earlier one: then that one goes on.
                     *allowed = allowed.clone().or(&Bounds::of(&config)).without_normal();
                     watch.allow(&config, allowed.clone());
+                    askers.allow(&config);
                 }
                 arena.signal("daemon", libc::SIGHUP);
             }

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use admittance_host::clock::monotonic_ns;
+use admittance_runner::config::Config;
 use ipc_types::{
     Client, Law, PendingResponse, REQUEST_VALUES, RequestKind, RequestSample, ResponseSample, ResponseStatus,
 };
@@ -44,6 +45,19 @@ impl Askers {
     pub(super) fn new(arena: &Arena, node: &ipc_types::Node, limits: Vec<(f64, f64)>) -> Result<Self, String> {
         let clients = (0..CLIENTS).map(|_| arena.client(node)).collect::<Result<_, _>>()?;
         Ok(Self { clients, pending: Vec::new(), limits, asked: 0, done: 0 })
+    }
+
+    /// From now on this configuration may be in force: its force limits, and what requests may make
+    /// of them.
+    pub(super) fn allow(&mut self, config: &Config) {
+        let requests = &config.requests;
+        let limits =
+            [Some(&config.contact.force_limit), requests.force_limit_min.as_ref(), requests.force_limit_max.as_ref()];
+        for limits in limits.into_iter().flatten() {
+            for ((low, high), limit) in self.limits.iter_mut().zip(limits) {
+                (*low, *high) = (low.min(*limit), high.max(*limit));
+            }
+        }
     }
 
     /// Lets every client that may ask for something more; now and then one no longer wants to know.

@@ -177,10 +177,7 @@ impl Figures {
             }
         }
         known.extend(seen.known_after_s);
-        let normal = case.draw.normal();
-        let along = |axis: usize| case.draw.minimum_force_n[axis] / normal[axis].max(f64::MIN_POSITIVE);
-        let asked = along(0).max(along(1));
-        let error = (seen.resting_n - asked).abs();
+        let error = case.settled_error_n(seen);
         errors.push(error);
         believed.push(seen.believed_error_n);
         if error > 3.0 {
