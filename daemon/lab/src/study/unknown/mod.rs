@@ -11,12 +11,15 @@ use serde::Serialize;
 
 use super::closed_loop;
 use super::controller::{self, Profile, Variant};
-use super::draw::{Draw, SOFTEST_N_M};
+use super::draw::{ACTIVATION_THRESHOLD_N, Draw, SOFTEST_N_M};
 use figures::Figures;
 use run::Seen;
 
 /// Stiffness of the hardest surface drawn, in N/m: of fifty times the softest.
 const HARDEST_N_M: f64 = 5e5;
+/// β in standard deviations of the noise at least: with less `validate` warns, since noise alone is
+/// a touch now and then.
+const LEAST_THRESHOLD: f64 = 5.0;
 /// An input in a cycle lasts so long at most, s.
 const INPUT_S: f64 = 0.0005;
 
@@ -81,6 +84,11 @@ impl World {
         Some([least, least * width])
     }
 
+    /// β of every axis in N.
+    fn threshold_n(&self) -> f64 {
+        ACTIVATION_THRESHOLD_N.max(LEAST_THRESHOLD * self.noise_n)
+    }
+
     fn controller(&self, draw: &Draw) -> Result<admittance_runner::config::Config, String> {
         let range = self.range(draw).map_or_else(String::new, |range| format!("stiffness_range_n_m = {range:?}\n"));
         let inputs = (draw.sampling_time_s / INPUT_S).ceil().max(1.0);
@@ -90,6 +98,8 @@ impl World {
                 "contact = \"detected\"",
                 &format!("contact = \"detected\"\nwrench_noise_n = {:?}\n{range}", self.noise_n),
             );
+        let usual = format!("activation_threshold = {:?}", [ACTIVATION_THRESHOLD_N; 2]);
+        let text = text.replace(&usual, &format!("activation_threshold = {:?}", [self.threshold_n(); 2]));
         let risk = self.risk.map_or_else(String::new, |risk| format!("risk = {risk:?}\n"));
         let text = text.replace("[contact]\n", &format!("[contact]\n{risk}"));
         let told = self.range(draw).map_or(draw.stiffness_n_m, |[least, most]| (least * most).sqrt());
@@ -106,7 +116,8 @@ impl World {
 
     fn case(&self, index: u64) -> Result<Case, String> {
         let draw = Draw::up_to(HARDEST_N_M, self.seed, index)?;
-        let seen = run::run(&draw, &self.controller(&draw)?, &self.scenario(&draw)?, &mut |_| ());
+        let (config, scenario) = (self.controller(&draw)?, self.scenario(&draw)?);
+        let seen = run::run(&draw, self.threshold_n(), (&config, &scenario), &mut |_| ());
         let first = seen.as_ref().ok().and_then(|seen| seen.first_active);
         let contact = first.map(|first| closed_loop::contact(&draw, &first));
         let attainable_n = contact.as_ref().and_then(|contact| contact.lowest_peak().ok()).map(|peak| peak.peak_n);
@@ -135,7 +146,7 @@ impl World {
         let mut text = format!("{:#?}\nrange {:?}\n", case.draw, self.range(&case.draw));
         let mut lines = String::new();
         let (config, scenario) = (self.controller(&case.draw)?, self.scenario(&case.draw)?);
-        let _ = run::run(&case.draw, &config, &scenario, &mut |line| {
+        let _ = run::run(&case.draw, self.threshold_n(), (&config, &scenario), &mut |line| {
             let _ = writeln!(lines, "{line}");
         });
         let limit = case.draw.normal_force_limit_n();

@@ -8,7 +8,7 @@ use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
 use super::super::closed_loop::{FirstActive, first_active};
-use super::super::draw::{ACTIVATION_THRESHOLD_N, Draw};
+use super::super::draw::Draw;
 
 /// The surface is known when it is so for this many samples.
 const SAMPLES: u32 = 5;
@@ -52,12 +52,12 @@ impl Seen {
     }
 }
 
-/// Runs a controller against a plant; `told` is given a line for each cycle from the first active
+/// Runs a controller with this β (N) against a plant; `told` is given a line for each cycle from the first active
 /// sample on.
 pub(super) fn run(
     draw: &Draw,
-    config: &Config,
-    scenario: &Scenario,
+    threshold_n: f64,
+    (config, scenario): (&Config, &Scenario),
     told: &mut dyn FnMut(String),
 ) -> Result<Seen, String> {
     let mut seen = Seen::default();
@@ -66,7 +66,7 @@ pub(super) fn run(
     let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
     while let Some(Step { state, command, truth, .. }) = run.step()? {
-        let active = state.wrench.iter().any(|force| force.abs() > ACTIVATION_THRESHOLD_N);
+        let active = state.wrench.iter().any(|force| force.abs() > threshold_n);
         if active && truth.in_contact == 1 && seen.first_active.is_none() {
             seen.first_active = Some(first_active(&state.joint_position, &state.joint_velocity, &truth));
             (losses_before, started) = (truth.contact_losses, state.stamp_ns);
