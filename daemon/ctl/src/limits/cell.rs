@@ -9,6 +9,7 @@ use admittance_runner::cycle;
 use admittance_runner::virtual_time::{Step, VirtualTime};
 use ipc_types::StopReason;
 use plant_sim::run::VirtualRun;
+use plant_sim::scenario::Scenario;
 use serde::Serialize;
 
 use super::approach::Approach;
@@ -187,7 +188,15 @@ pub(crate) fn is_safe(
     speed_m_s: f64,
     contact_phase: f64,
 ) -> Result<Result<(), Unsafe>, String> {
-    let Ok(plant) = VirtualRun::new(&approach.scenario(config, speed_m_s, contact_phase)) else {
+    is_safe_in(config, &approach.scenario(config, speed_m_s, contact_phase))
+}
+
+/// The same against any plant.
+///
+/// # Errors
+/// As [`cell`].
+pub(super) fn is_safe_in(config: &Config, scenario: &Scenario) -> Result<Result<(), Unsafe>, String> {
+    let Ok(plant) = VirtualRun::new(scenario) else {
         return Ok(Err(Unsafe::OutOfReach));
     };
     let mut verdict = Ok(());

@@ -4,6 +4,7 @@
 mod approach;
 mod cell;
 mod figure;
+mod ignorance;
 mod search;
 mod table;
 
@@ -36,6 +37,7 @@ const ACCEPTED_SAMPLING_TIME_S: (f64, f64) = (0.0001, 0.1);
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  admittancectl limits deploy/demo/mpc-default.toml --all --figure limits.svg\n  \
+    admittancectl limits deploy/demo/mpc-default.toml --ignorance\n  \
     admittancectl limits deploy/robots/six-joint.toml --joints 0.3,1.2,-1.8,2.2,1.57,0.3 --sampling-time-s 0.004,0.001\n\n\
     Safe: at every instant of contact within a cycle that was tried, the true force stays within the force limit + 0.5 N on \
     every admittance axis, the contact is not lost, and the controller neither stops nor refuses a sample. The simulated \
@@ -64,6 +66,11 @@ pub(crate) struct Args {
     /// Also 0.1 and 10 times the stiffness, 0.5 and 0.25 ms: takes several times as long.
     #[arg(long)]
     all: bool,
+    /// Also what it costs not to know the stiffness: at the configured cycle time, for ranges of 3, 10
+    /// and 50 times about the configured one, without noise and with environment.wrench_noise_n
+    /// (0.5 N when that is 0). Takes several times as long.
+    #[arg(long)]
+    ignorance: bool,
     /// Instants of contact within a cycle, evenly spread, that a safe speed has to be safe at.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
     instants: u32,
@@ -79,7 +86,11 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         return Err((Exit::Usage, "--figure: accepted with two cycle times at least".to_owned()));
     }
     options.begin_figure()?;
-    let limits = limits(&args.config, &config, &question, options.threads()).map_err(|why| (Exit::Internal, why))?;
+    let internal = |why| (Exit::Internal, why);
+    let mut limits = limits(&args.config, &config, &question, options.threads()).map_err(internal)?;
+    if args.ignorance {
+        limits.ignorance = ignorance::prices(&config, &question, options.threads()).map_err(internal)?;
+    }
     if options.wants_figure() {
         options.write_figure(&figure::svg(&limits).map_err(|why| (Exit::Internal, why))?)?;
     }

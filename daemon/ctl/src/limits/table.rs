@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::approach::AFTER_CONTACT_S;
 use super::cell::{Cell, FORCE_TOLERANCE_N, is_own, limited_axes};
+use super::ignorance::{Answer, Price};
 use super::{Question, search};
 use admittance_core::quantities::AXIS_NAMES;
 
@@ -53,6 +54,9 @@ pub(crate) struct Limits {
     pub(crate) cells: Vec<Cell>,
     /// For the cell as configured.
     recommended: Recommended,
+    /// What it costs not to know the stiffness, where that was asked.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) ignorance: Vec<Price>,
     /// Notes on the figures.
     notes: Vec<String>,
 }
@@ -113,6 +117,7 @@ impl Limits {
             sampling_times_s: sampling_times_s.clone(),
             stiffnesses_n_m: stiffnesses_n_m.clone(),
             recommended,
+            ignorance: Vec::new(),
             notes: notes(config, question, &cells),
             cells,
         }
@@ -207,10 +212,35 @@ pub(crate) fn text(limits: &Limits) -> String {
         100.0 * (search::RESOLUTION - 1.0) + 0.5,
     );
     let _ = write!(text, "\n\n{}", recommendation(&limits.recommended, limits.force_tolerance_n));
+    if !limits.ignorance.is_empty() {
+        let _ = write!(text, "\n\n{}", ignorance(limits));
+    }
     for note in &limits.notes {
         let _ = write!(text, "\nNote: {note}");
     }
     text
+}
+
+/// What it costs not to know the stiffness.
+fn ignorance(limits: &Limits) -> String {
+    let own = stiffness(limits.own_stiffness_n_m);
+    let mut table = Table::new();
+    table.set_header(["true stiffness", "noise", "told as it is", "told the range", &format!("told {own} N/m")]);
+    let entry = |answer: &Answer| match answer.speed_m_s {
+        None => format!("-\n{}", answer.limited_by),
+        Some(0.0) => format!("< {}\n{}", search::LOWEST_M_S, answer.limited_by),
+        Some(speed) => format!("{speed}\n{}", answer.limited_by),
+    };
+    for price in &limits.ignorance {
+        let [least, most] = price.range_n_m.map(stiffness);
+        let of_surface = [format!("{least} to {most} N/m"), format!("{} N", price.noise_n)];
+        table.add_row(of_surface.into_iter().chain([&price.each, &price.range, &price.configured].map(entry)));
+    }
+    format!(
+        "The price of ignorance, at {} ms: highest approach speed in m/s that is safe on the softest, the configured and the \
+         hardest surface, by what is told of them. The noise of the wrench is told.\n{table}",
+        milliseconds(limits.own_sampling_time_s)
+    )
 }
 
 /// What to approach at, and why.

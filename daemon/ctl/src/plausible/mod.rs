@@ -5,6 +5,7 @@ mod contact;
 mod world;
 
 pub use contact::{Contact, Peak, outward, press};
+pub(crate) use world::NOISE_N;
 pub use world::{Cause, World};
 
 use admittance_runner::config::{Config, ContactPointName};
@@ -15,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::limits::{self, Approach, Cases, Found, highest_safe, highest_safe_speed};
 
 /// What a careful person tells a contact point within, m.
-const CONTACT_TOLERANCE_M: f64 = 5e-4;
+pub(crate) const CONTACT_TOLERANCE_M: f64 = 5e-4;
 
 /// The world with a number among those of a seed, for an arm with so many joints.
 pub fn world(seed: u64, index: u64, joints: usize) -> World {

@@ -16,7 +16,7 @@ const EXTRA_DELAY_S: f64 = 0.0015;
 const REPORT_LAG_S: f64 = 0.002;
 const FRICTION: f64 = 0.3;
 const SURFACE_DAMPING_N_S_M: f64 = 100.0;
-pub(super) const NOISE_N: f64 = 0.5;
+pub(crate) const NOISE_N: f64 = 0.5;
 const TOOL_MASS: (f64, f64) = (0.9, 1.1);
 
 /// What may differ from what was told.
