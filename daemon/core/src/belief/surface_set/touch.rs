@@ -13,7 +13,7 @@ const FINE: usize = 32;
 /// Nodes that reach further back.
 const COARSE: usize = 40;
 /// How far apart in time nodes are on the way, s.
-const FINE_SPACING: f64 = 0.0005;
+const FINE_SPACING: f64 = 0.00025;
 const COARSE_SPACING: f64 = 0.002;
 /// Part of the way from the first touch of the softest surface until it is felt that is between
 /// two coarse nodes of a slow approach, and between two fine ones.
