@@ -30,6 +30,9 @@ pub(super) const COLORS: [(RGBColor, &str); 6] = [
     (LIMIT.color, "#FF6B81"),
 ];
 const LIMIT: LineStyle = LineStyle { color: RGBColor(0xB0, 0x00, 0x20), width: 1.2, dash: &[14.0, 5.0] };
+/// What is believed, and what may be as well.
+pub(super) const LIKELIEST: LineStyle = STYLES[2];
+pub(super) const POSSIBLE: LineStyle = STYLES[0];
 pub(super) const MATERIAL: RGBColor = RGBColor(0xEE, 0xEA, 0xE2);
 pub(super) const MATERIAL_INK: RGBColor = RGBColor(0x6B, 0x64, 0x58);
 

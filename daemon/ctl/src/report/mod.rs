@@ -2,6 +2,7 @@
 //! or of a recording.
 
 mod axis;
+mod believed;
 mod changes;
 pub mod chart;
 mod clip;

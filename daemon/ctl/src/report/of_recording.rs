@@ -11,6 +11,7 @@ use admittance_host::config;
 use admittance_runner::config::Config;
 use ipc_types::{RecordKind, RecordSample, StateSample, TruthSample};
 
+use super::believed::Beliefs;
 use super::changes::Changes;
 use super::chart::{Chart, escape};
 use super::figures::{Curve, Window, over_time, paths, range, roomy};
@@ -70,6 +71,7 @@ struct Series {
     cycles: u64,
     first_contact_s: Option<f64>,
     changes: Changes,
+    beliefs: Beliefs,
     /// Largest true forces, between samples too.
     true_peak: [f64; 6],
     last: Option<Box<RecordSample>>,
@@ -111,6 +113,7 @@ impl Series {
 
     fn add(&mut self, record: Box<RecordSample>, time_s: f64, config: &Config) {
         self.cycles += 1;
+        self.beliefs.add(&record, time_s);
         if record.command.active_axes != 0 {
             self.first_contact_s.get_or_insert(time_s);
         }
@@ -213,6 +216,8 @@ fn figures(config: &Config, series: &Series, whole: Range<f64>) -> Vec<(&'static
             "TCP trajectory in the initial contact phase",
             paths(&curves, [AXIS_NAMES[along], AXIS_NAMES[up]], x, y),
         ));
+        let believed = series.beliefs.chart(time);
+        figures.extend(believed.map(|chart| ("what was believed of the surface, initial contact phase", chart)));
     }
     figures
 }
@@ -251,6 +256,7 @@ fn table(config: &Config, series: &Series) -> String {
         ];
         rows.splice(2..2, of_truth);
     }
+    rows.extend(series.beliefs.rows());
     if !series.complete {
         rows.push(("end".to_owned(), "breaks off: its recorder was killed, or the disk was full".to_owned()));
     }
