@@ -42,7 +42,7 @@ impl Child {
         let parent = std::process::id();
         // SAFETY: between fork and exec only async-signal-safe calls are made and nothing is
         // allocated.
-        unsafe { command.pre_exec(move || die_with(parent)) };
+        unsafe { command.pre_exec(move || hear_signals().and_then(|()| die_with(parent))) };
         let mut process = command.spawn().unwrap_or_else(|error| panic!("{command:?} does not start: {error}"));
         let stdout = Captured::of(process.stdout.take().expect("stdout is piped"));
         let stderr = Captured::of(process.stderr.take().expect("stderr is piped"));
@@ -63,7 +63,9 @@ impl Child {
         let parent = std::process::id();
         // SAFETY: between fork and exec only async-signal-safe calls are made and nothing is
         // allocated.
-        unsafe { command.pre_exec(move || die_with(parent).and_then(|()| take_terminal())) };
+        unsafe {
+            command.pre_exec(move || hear_signals().and_then(|()| die_with(parent)).and_then(|()| take_terminal()))
+        };
         let process = command.spawn().unwrap_or_else(|error| panic!("{command:?} does not start: {error}"));
         // The command keeps ends of the terminal: as long as they are open its output does not end.
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -200,6 +202,18 @@ pub fn wait_until(what: &str, timeout: Duration, mut condition: impl FnMut() -> 
     }
 }
 
+/// In the child, before exec: no signal that a person sends is ignored any more. A test run that was
+/// started in the background, or by nohup, ignores some, and a program inherits that.
+fn hear_signals() -> std::io::Result<()> {
+    for signal in [libc::SIGHUP, libc::SIGINT, libc::SIGQUIT] {
+        // SAFETY: signal takes two numbers; no handler is installed.
+        if unsafe { libc::signal(signal, libc::SIG_DFL) } == libc::SIG_ERR {
+            return Err(std::io::Error::last_os_error());
+        }
+    }
+    Ok(())
+}
+
 /// In the child, before exec: asks for SIGKILL when its parent dies, and ends if that has happened
 /// already.
 fn die_with(parent: u32) -> std::io::Result<()> {
@@ -246,6 +260,7 @@ impl Captured {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::process::ExitStatusExt;
     use std::path::Path;
 
     fn shell(script: &str) -> Child {
@@ -254,6 +269,19 @@ mod tests {
 
     fn message(failure: Box<dyn std::any::Any + Send>) -> String {
         *failure.downcast::<String>().expect("the failure has a message")
+    }
+
+    #[test]
+    fn a_signal_that_the_test_run_ignores_is_heard() {
+        for signal in [libc::SIGHUP, libc::SIGINT, libc::SIGQUIT] {
+            // SAFETY: no handler is installed, and no other test here sends itself one of these.
+            unsafe { libc::signal(signal, libc::SIG_IGN) };
+            let (mut child, _terminal) = Child::spawn_on_terminal(Command::new("sleep").arg("1000"));
+            for child in [&mut child, &mut Child::spawn(Command::new("sleep").arg("1000"))] {
+                child.signal(signal);
+                assert_eq!(child.wait_for_exit(PATIENCE).signal(), Some(signal));
+            }
+        }
     }
 
     #[test]
