@@ -42,7 +42,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             belief: Belief::new(parameters.belief()),
             joints: JointObserver::new(parameters.loops),
             way: matches!(parameters.contact_point, ContactPoint::Learned(_))
-                .then(|| WayObserver::new(parameters.loops, parameters.surface)),
+                .then(|| WayObserver::new(parameters.loops)),
             supervisor: Supervisor::new(parameters.supervisor()),
             mpc: Mpc::new(parameters.mpc(), solver, storage).ok_or(ParameterError::Storage)?,
             output: Output::new(parameters.output()),
@@ -102,7 +102,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             Err(fault) => return self.step_without_sample(fault, now),
         };
         let joints = joints.follow(sample, output.under_way());
-        let way = way.as_mut().and_then(|way| way.follow(sample, &joints, output.under_way()));
+        let way = way.as_mut().and_then(|way| way.follow(sample, &joints, output.under_way(), belief.surface()));
         belief.sense(sample);
         let felt = belief.felt(&sample.wrench);
         supervisor.admit(sample, &felt);

@@ -42,9 +42,24 @@ impl<const D: usize> Surface<D> {
         Self { stiffness: normal * normal.transpose() * normal_stiffness, contact, normal }
     }
 
+    /// The normal in the base frame.
+    pub(crate) fn normal_direction(&self) -> Vector3<f64> {
+        let mut normal = Vector3::zeros();
+        linear_axes::<D>().for_each(|axis| normal[axis] = self.normal[axis]);
+        normal
+    }
+
     /// Force in N with which a wrench presses on the surface: −nᵀf, positive in contact.
     pub fn pressing_force(&self, wrench: &SVector<f64, D>) -> f64 {
         -self.normal.dot(wrench)
+    }
+
+    /// Force in N with which a wrench presses on the surface, and the one along it, base frame.
+    pub(crate) fn forces(&self, wrench: &SVector<f64, D>) -> (f64, Vector3<f64>) {
+        let pressing = self.pressing_force(wrench);
+        let mut beside = self.normal_direction() * pressing;
+        linear_axes::<D>().for_each(|axis| beside[axis] += wrench[axis]);
+        (pressing, beside)
     }
 
     /// Force in N with which the spring says that a TCP at `pose` presses: k times its depth below
@@ -88,6 +103,15 @@ impl<const D: usize> Surface<D> {
         for axis in linear_axes::<D>() {
             self.contact.position[axis] += height * self.normal[axis];
         }
+    }
+
+    /// Tilts the normal by a vector along the surface, about a position. Returns by how much deeper
+    /// that position is along the new normal, m.
+    pub(crate) fn tilt(&mut self, tilt: &Vector3<f64>, about: &Vector3<f64>) -> f64 {
+        let before = self.height(about);
+        linear_axes::<D>().for_each(|axis| self.normal[axis] += tilt[axis]);
+        self.normal /= self.normal.norm();
+        before - self.height(about)
     }
 
     /// Makes it a spring of this stiffness (N/m) that begins at this `depth` (m): the height of the

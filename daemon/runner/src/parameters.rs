@@ -148,6 +148,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
             (Some(stiffness), contact) => ContactPoint::Learned(Prior {
                 stiffness,
                 depth_tolerance: environment.contact_tolerance_m.filter(|_| contact == ContactPointName::Configured),
+                normal_tolerance: environment.normal_tolerance_rad,
                 risk: config.contact.risk,
             }),
             (None, ContactPointName::Configured) => ContactPoint::Configured,

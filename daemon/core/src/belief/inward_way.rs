@@ -22,14 +22,13 @@ const PIECES: f64 = 16.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct WayObserver<const N: usize, const D: usize> {
     loops: VelocityLoops<N>,
-    surface: Surface<D>,
     last: Option<(Accepted<N, D>, JointMotion<N>)>,
 }
 
 impl<const N: usize, const D: usize> WayObserver<N, D> {
-    /// Has seen nothing; of the `surface` only the normal counts.
-    pub(crate) fn new(loops: VelocityLoops<N>, surface: Surface<D>) -> Self {
-        Self { loops, surface, last: None }
+    /// Has seen nothing.
+    pub(crate) fn new(loops: VelocityLoops<N>) -> Self {
+        Self { loops, last: None }
     }
 
     /// Takes over the state of `old`, with these loops.
@@ -38,40 +37,37 @@ impl<const N: usize, const D: usize> WayObserver<N, D> {
     }
 
     /// The way to `sample`, at which the joints have this motion, by the commands `under_way` since
-    /// the sample before; `None` where that is not known.
+    /// the sample before; `None` where that is not known. Of the `surface` only the normal counts.
     pub(crate) fn follow(
         &mut self,
         sample: &Accepted<N, D>,
         motion: &JointMotion<N>,
         under_way: &UnderWay<D>,
+        surface: &Surface<D>,
     ) -> Option<Way> {
         let last = self.last.replace((*sample, *motion));
         let (last, before) = last.filter(|(last, _)| {
             !sample.arrival.is_new_run && sample.stamp > last.stamp && sample.stamp.since(last.stamp) <= LONGEST
         })?;
-        self.way(&last, &before, sample, motion, under_way)
-    }
-
-    fn depth(&self, sample: &Accepted<N, D>) -> f64 {
-        -self.surface.height(&sample.posture.pose().position)
+        self.way((&last, &before), (sample, motion), under_way, surface)
     }
 
     fn way(
         &self,
-        last: &Accepted<N, D>,
-        before: &JointMotion<N>,
-        sample: &Accepted<N, D>,
-        motion: &JointMotion<N>,
+        (last, before): (&Accepted<N, D>, &JointMotion<N>),
+        (sample, motion): (&Accepted<N, D>, &JointMotion<N>),
         under_way: &UnderWay<D>,
+        surface: &Surface<D>,
     ) -> Option<Way> {
         let loops = &self.loops;
+        let depth_at = |sample: &Accepted<N, D>| -surface.height(&sample.posture.pose().position);
         let inverse = last.posture.inverse(0.0).ok()?;
         let reference = |offset: Option<SVector<f64, D>>| {
             offset.map_or_else(SVector::zeros, |offset| inverse.joint_velocity(&(last.twist_reference + offset)))
         };
         // −nᵀJ, frozen: what it misses is bent in at the end.
-        let lever = -last.posture.jacobian().tr_mul(&self.surface.normal);
-        let start = self.depth(last);
+        let lever = -last.posture.jacobian().tr_mul(&surface.normal);
+        let start = depth_at(last);
         let (mut velocity, mut acceleration) = (before.velocity, before.acceleration);
         let (mut depth, mut way) = (start, Way::new());
         let longest = PIECE.max(sample.stamp.since(last.stamp).seconds() / PIECES);
@@ -99,11 +95,10 @@ impl<const N: usize, const D: usize> WayObserver<N, D> {
                 (velocity, acceleration, depth) = (end_velocity, end_acceleration, end);
             }
         }
-        let wanted = -self.surface.outward_speed(&(sample.posture.jacobian() * motion.velocity));
-        way.bend(self.depth(sample), lever.dot(&velocity), wanted);
+        let wanted = -surface.outward_speed(&(sample.posture.jacobian() * motion.velocity));
+        way.bend(depth_at(sample), lever.dot(&velocity), wanted);
         let moved = sample.posture.pose().position - last.posture.pose().position;
-        let inward = self.depth(sample) - start;
-        way.along = libm::sqrt((moved.norm_squared() - inward * inward).max(0.0));
+        way.beside = moved + surface.normal_direction() * (depth_at(sample) - start);
         Some(way)
     }
 }

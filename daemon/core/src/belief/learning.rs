@@ -1,5 +1,7 @@
 //! What the belief learns of a surface of which only a range is told.
 
+use nalgebra::SVector;
+
 use super::{Belief, SurfaceSet, Way};
 use crate::intake::Accepted;
 
@@ -7,13 +9,34 @@ impl<const D: usize> Belief<D> {
     /// The set after a sample, and the surface in it that is likeliest.
     pub(super) fn learn<const N: usize>(&mut self, sample: &Accepted<N, D>, way: Option<&Way>) {
         let Some(set) = &mut self.set else { return };
-        let surface = &mut self.surface;
-        let depth = -surface.height(&sample.posture.pose().position);
+        let (surface, told) = (&mut self.surface, &self.settings.surface.normal);
+        // A normal that does not hold any more: all begins anew.
+        let way = way.filter(|_| surface.normal == *told || set.remembers_normal());
+        if way.is_none() {
+            surface.normal = *told;
+        }
+        let position = &sample.posture.pose().position;
+        let depth = -surface.height(position);
         let in_contact = self.contact.is_any();
-        set.follow(way, depth, surface.pressing_force(&sample.wrench), in_contact);
+        let forces = surface.forces(&sample.wrench);
+        set.follow(way, depth, (forces.0, &forces.1), in_contact);
+        if let Some(tilt) = set.take_tilt() {
+            set.shift(surface.tilt(&tilt, position));
+        }
         if let Some(spring) = set.likeliest().or(in_contact.then(|| set.unexplained())) {
             surface.become_spring(spring.stiffness, spring.depth);
         }
+    }
+
+    /// Whether the normal is learned as well.
+    pub(crate) fn learns_normal(&self) -> bool {
+        self.set.as_ref().is_some_and(SurfaceSet::learns_normal)
+    }
+
+    /// Whether a twist is meant to leave the surface: by the normal that was told. Along a surface
+    /// that turns out to be tilted the tool is to slide, not to leave it.
+    pub(crate) fn is_left_by(&self, twist: &SVector<f64, D>) -> bool {
+        self.settings.surface.is_left_by(twist)
     }
 
     /// What the surface may be, where only a range of it is told.

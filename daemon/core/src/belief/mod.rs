@@ -152,15 +152,18 @@ impl<const D: usize> Belief<D> {
     /// Takes over the state of `old`, with these settings: a configured contact point replaces the
     /// old one.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, signs: _, surface, contact, detection, expected, springs, lag_inverse, set } = old;
+        let Self { settings: old_settings, signs: _, surface, contact, detection, expected, springs, lag_inverse, set } = old;
         if self.settings.contact_point != ContactPoint::Configured {
             self.surface.contact = surface.contact;
         }
         (self.contact, self.detection, self.expected) = (*contact, *detection, *expected);
         self.springs = *springs;
         self.lag_inverse.take_over(lag_inverse);
-        if let (Some(set), Some(old)) = (&mut self.set, set) {
-            set.take_over(old);
+        if let (Some(set), Some(old)) = (&mut self.set, set)
+            && self.settings.surface.normal == old_settings.surface.normal
+            && set.take_over(old)
+        {
+            self.surface = *surface;
         }
     }
 
@@ -299,9 +302,21 @@ impl<const D: usize> Belief<D> {
         let admittance = &self.settings.thresholds.admittance;
         let sign = |axis: usize| match self.settings.sign {
             ContactSign::Wrench => self.contact.sign(axis),
-            ContactSign::Normal => self.signs.sign(axis).filter(|_| admittance[axis]),
+            ContactSign::Normal => self.normal_sign(axis).filter(|_| admittance[axis]),
         };
         core::array::from_fn(|axis| sign(axis).unwrap_or(0.0))
+    }
+
+    /// Whether a least force is asked for on an axis that is bounded: not where the normal that was
+    /// told has hardly a component.
+    pub(crate) fn asks_for_force(&self, axis: usize) -> bool {
+        self.settings.sign == ContactSign::Wrench || self.signs.sign(axis).is_some()
+    }
+
+    /// s of an axis by the normal: as it was told, unless it was learned otherwise.
+    fn normal_sign(&self, axis: usize) -> Option<f64> {
+        let told = self.signs.sign(axis).filter(|sign| sign * self.surface.normal[axis] < 0.0);
+        told.or_else(|| SurfaceSigns::of(&self.surface.normal).sign(axis))
     }
 
     /// The pressing force in N that f̂ should show.

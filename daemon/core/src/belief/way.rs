@@ -1,5 +1,7 @@
 //! The way of the tool into the surface between two samples, and what a lag makes of it.
 
+use nalgebra::Vector3;
+
 /// Most pieces of a way.
 pub(crate) const MAX_PIECES: usize = 40;
 /// α below which the weights are a series.
@@ -19,14 +21,14 @@ pub(crate) struct Piece {
 pub(crate) struct Way {
     pieces: [Piece; MAX_PIECES],
     len: usize,
-    /// Length of the path along the surface, m.
-    pub along: f64,
+    /// The way along the surface, base frame, m.
+    pub beside: Vector3<f64>,
 }
 
 impl Way {
     /// No piece.
     pub(crate) fn new() -> Self {
-        Self { pieces: [Piece { duration: 0.0, depth: [0.0; 3] }; MAX_PIECES], len: 0, along: 0.0 }
+        Self { pieces: [Piece { duration: 0.0, depth: [0.0; 3] }; MAX_PIECES], len: 0, beside: Vector3::zeros() }
     }
 
     /// One more piece; `None` when there is no room.
@@ -45,6 +47,11 @@ impl Way {
     /// How long it takes, s.
     pub(crate) fn duration(&self) -> f64 {
         self.pieces().iter().map(|piece| piece.duration).sum()
+    }
+
+    /// Length of the path along the surface, m.
+    pub(crate) fn along(&self) -> f64 {
+        self.beside.norm()
     }
 
     /// Depth at its end, m.

@@ -129,7 +129,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let wrench_axes = if is_soft && !holds { InputAxes::none() } else { InputAxes::from_mask(&demand.active) };
         // Once a force is kept, neither the part of ṗ0 into the surface nor the offset that cancels
         // it shall bias it.
-        let inward = surface.outward_speed(&sample.twist_reference).min(0.0);
+        // One that leads out of it is along the surface as it was told.
+        let inward = surface.outward_speed(&sample.twist_reference);
+        let inward = if situation.belief.learns_normal() { inward } else { inward.min(0.0) };
         let wanted_offset = surface.normal * if holds { -inward } else { 0.0 };
         // A force set point below f_min would lean on the price of the lower bound with all its
         // weight: an error of the model would throw the arm from one to the other.

@@ -280,7 +280,7 @@ impl<const D: usize> Supervisor<D> {
         let Mode::Contact(memory) = &self.mode else { return false };
         self.settings.predicts
             && self.settings.lower_bound == LowerBound::OnceReached
-            && !belief.surface().is_left_by(&sample.twist_reference)
+            && !belief.is_left_by(&sample.twist_reference)
             && memory.has_reached()
     }
 
@@ -334,8 +334,8 @@ impl<const D: usize> Supervisor<D> {
                     memory.inward_speed(belief.surface().outward_speed(twist_reference), situation.sample.stamp);
                 settles = memory.is_settling();
             }
-            let leaves = belief.surface().is_left_by(twist_reference);
-            for axis in (0..D).filter(|&axis| signs[axis] != 0.0) {
+            let leaves = belief.is_left_by(twist_reference);
+            for axis in (0..D).filter(|&axis| signs[axis] != 0.0 && belief.asks_for_force(axis)) {
                 let minimum_force = self.settings.minimum_force[axis];
                 minimum[axis] = match self.settings.lower_bound {
                     LowerBound::Always => minimum_force,

@@ -81,6 +81,8 @@ struct VerdictArgs {
     /// With --surface: from which share of surfaces that can't be kept on to stop, contact.risk.
     #[arg(long, requires = "surface")]
     risk: Option<f64>,
+    #[command(flatten)]
+    not_as_told: unknown::NotAsTold,
     /// With --surface: one case of it, in full.
     #[arg(long, requires = "surface")]
     index: Option<u64>,
@@ -121,7 +123,8 @@ fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
 fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
     let (options, threads) = (&args.options, args.options.threads());
     if let Some(told) = args.surface {
-        let world = unknown::World { told, noise_n: args.noise_n, risk: args.risk, seed: args.seed };
+        let VerdictArgs { noise_n, risk, not_as_told, seed, .. } = *args;
+        let world = unknown::World { told, noise_n, risk, not_as_told, seed };
         if let Some(index) = args.index {
             print!("{}", world.describe(index).map_err(|why| (Exit::Internal, why))?);
             return Ok(Exit::Ok);

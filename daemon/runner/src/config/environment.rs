@@ -31,6 +31,9 @@ config_section! {
         stiffness_range_n_m: Option<[f64; 2]>, unit "N/m", range 100.0..=1e8;
         /// With a range: by how much the surface may be deeper or less deep than contact_point_m.
         contact_tolerance_m: Option<f64>, unit "m", range 1e-6..=1.0;
+        /// With a range: by how much the surface may be tilted against surface_normal. Then the normal
+        /// is learned too, from the path that the tool takes over the surface. 0: it is told.
+        normal_tolerance_rad: f64 = 0.0, unit "rad", range 0.0..=0.35;
         /// Standard deviation of the wrench's noise on one axis of x y z. The guards of [stopping]
         /// allow for five of them, and with contact = "detected" the verdict's margin is reduced by
         /// the force error that two of them cause through the contact point. 0 is not told.

@@ -51,6 +51,10 @@ pub(super) fn check(environment: &EnvironmentSection, path: &str, errors: &mut V
     }
     let is_unknown = environment.unknown_stiffness().is_some();
     let is_told = environment.contact == ContactPointName::Configured;
+    if environment.normal_tolerance_rad > 0.0 && !is_unknown {
+        let accepted = format!("0 without a range in {path}.stiffness_range_n_m");
+        wants("normal_tolerance_rad", format!("{:?}", environment.normal_tolerance_rad), accepted);
+    }
     match environment.contact_tolerance_m {
         None if is_unknown && is_told => {
             let accepted =

@@ -9,6 +9,8 @@ use crate::belief::way::Piece;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Bank<const K: usize> {
     depth: [f64; K],
+    /// Way along the surface until the tool was there, m.
+    beside: [f64; K],
     /// φ in m.
     response: [f64; K],
     /// Σ w φ².
@@ -24,7 +26,7 @@ impl<const K: usize> Bank<K> {
     /// No nodes.
     pub(super) fn empty() -> Self {
         let zeros = [0.0; K];
-        Self { depth: zeros, response: zeros, square: zeros, product: zeros, force: zeros, len: 0 }
+        Self { depth: zeros, beside: zeros, response: zeros, square: zeros, product: zeros, force: zeros, len: 0 }
     }
 
     /// Depth of the last node in m; −∞ without one.
@@ -37,11 +39,12 @@ impl<const K: usize> Bank<K> {
         if self.len == 0 { f64::INFINITY } else { self.depth[0] }
     }
 
-    /// A node at a greater depth than any, at which the tool is now. The first one is forgotten
-    /// where there is no room.
-    pub(super) fn push(&mut self, depth: f64) {
+    /// A node at a greater depth than any, at which the tool is now, after so much way along the
+    /// surface. The first one is forgotten where there is no room.
+    pub(super) fn push(&mut self, depth: f64, beside: f64) {
         if self.len == K {
-            for values in [&mut self.depth, &mut self.response, &mut self.square, &mut self.product, &mut self.force] {
+            let Self { depth, beside, response, square, product, force, len: _ } = self;
+            for values in [depth, beside, response, square, product, force] {
                 values.copy_within(1.., 0);
             }
             self.len -= 1;
@@ -49,7 +52,7 @@ impl<const K: usize> Bank<K> {
         for values in [&mut self.response, &mut self.square, &mut self.product, &mut self.force] {
             values[self.len] = 0.0;
         }
-        self.depth[self.len] = depth;
+        (self.depth[self.len], self.beside[self.len]) = (depth, beside);
         self.len += 1;
     }
 
@@ -82,6 +85,15 @@ impl<const K: usize> Bank<K> {
                 self.product[j] += weighted * self.response[j + 1];
             }
         }
+    }
+
+    /// Way along the surface until the tool was at this depth, m; `None` where no cell has it.
+    pub(super) fn beside(&self, depth: f64) -> Option<f64> {
+        let (depths, beside) = (&self.depth[..self.len], &self.beside[..self.len]);
+        let next = depths.partition_point(|node| *node < depth);
+        let last = next.checked_sub(1)?;
+        let part = (depth - depths[last]) / (depths.get(next)? - depths[last]);
+        Some(beside[last] + part * (beside[next] - beside[last]))
     }
 
     /// Number of cells.

@@ -2,10 +2,11 @@
 //! contact depth c, and the slope of the surface along the path. The spring's force at depth x is
 //! k x − θ: linear in what is not known.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::Tuning;
 use super::cell::{Range, Spring, roots};
+use super::tilt::Tilt;
 use super::touch::Moments;
 use crate::belief::way::Way;
 
@@ -19,9 +20,10 @@ const DRIFT: f64 = 1e-5;
 const ROUGHNESS: f64 = 1e-5;
 /// How the stiffness changes along the path, as a part of it, 1/√m.
 const OTHER_MATERIAL: f64 = 0.3;
-/// Slope of the surface along the path against what was told, at first, and how it changes, 1/√m.
-const SLOPE_AT_FIRST: f64 = 0.002;
+/// How the slope of the surface along the path changes, 1/√m: a plane, and where the normal is
+/// learned a curved surface, the slope of which may turn by so much in a metre.
 const CURVING: f64 = 0.02;
+const CURVED: f64 = 0.3;
 /// Normalised innovations squared, smoothed over so many samples, above which something has
 /// changed at once.
 const SMOOTHED: f64 = 8.0;
@@ -29,12 +31,18 @@ const SUDDEN: f64 = 6.0;
 /// What is then no longer known: this part of the stiffness, and so much of the depth in m.
 const OPENED_STIFFNESS: f64 = 0.3;
 const OPENED_DEPTH: f64 = 5e-5;
+/// The same part of what was not known of the slope at first.
+const OPENED_SLOPE: f64 = 0.3;
+/// A way along the surface in a cycle that has a direction, m.
+const SLIDING: f64 = 1e-8;
 
 /// The stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Hold {
     /// From which depths are counted, m: with them large, θ would lose digits.
     datum: f64,
+    /// Which way the slope is counted, base frame; zero until the tool slides.
+    heading: Vector3<f64>,
     state: SVector<f64, 4>,
     covariance: SMatrix<f64, 4, 4>,
     innovation: f64,
@@ -45,21 +53,70 @@ pub(super) struct Hold {
 }
 
 impl Hold {
-    /// Goes on from what a touch has learned, where depths are counted from `datum` (m).
-    pub(super) fn new(datum: f64, Moments { mean, covariance: known }: &Moments) -> Self {
-        let mut covariance = SMatrix::<f64, 4, 4>::zeros();
-        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(known);
-        covariance[(SLOPE, SLOPE)] = SLOPE_AT_FIRST * SLOPE_AT_FIRST;
+    /// Goes on from what a touch has learned, where depths are counted from `datum` (m), and by so
+    /// much (N/m, N) wrongly where the surface has a slope of 1.
+    pub(super) fn new(
+        datum: f64,
+        Moments { mean, covariance: known }: &Moments,
+        (k, theta): (f64, f64),
+        tuning: &Tuning,
+    ) -> Self {
+        let by_slope = SVector::<f64, 4>::new(0.0, k, theta, 1.0);
+        let mut covariance = by_slope * by_slope.transpose() * (tuning.slope * tuning.slope);
+        let mut told = covariance.fixed_view_mut::<3, 3>(0, 0);
+        told += known;
         let state = SVector::<f64, 4>::new(mean[M], mean[K], mean[THETA], 0.0);
-        Self { datum, state, covariance, innovation: 1.0, expected: mean[M], away: 0.0 }
+        Self { datum, heading: Vector3::zeros(), state, covariance, innovation: 1.0, expected: mean[M], away: 0.0 }
     }
 
-    /// On to a sample at the end of `way` that shows a pressing `force` (N).
-    pub(super) fn follow(&mut self, way: &Way, force: f64, weight: f64, tuning: &Tuning) {
+    /// On to a sample at the end of `way` that shows a pressing `force` (N) and one along the surface,
+    /// base frame.
+    pub(super) fn follow(
+        &mut self,
+        way: &Way,
+        (force, beside): (f64, &Vector3<f64>),
+        weight: f64,
+        (tuning, tilt): (&Tuning, &Tilt),
+    ) {
+        self.turn(&way.beside, tuning);
         self.predict(way, tuning);
-        self.correct(force, weight, &tuning.range);
+        let beside = if tuning.learns_normal { self.heading.dot(beside) } else { 0.0 };
+        self.correct(force, beside, weight, tuning);
+        if tuning.learns_normal {
+            self.keep_slope(tilt.slopes(&self.heading, force, beside));
+        }
         let is_away = self.force_at(way.end()) <= 0.0;
         self.away = if is_away { self.away + way.duration() } else { 0.0 };
+    }
+
+    /// The slope is that along the path: in another direction less is known of it.
+    fn turn(&mut self, beside: &Vector3<f64>, tuning: &Tuning) {
+        let along = beside.norm();
+        if !tuning.learns_normal || along < SLIDING {
+            return;
+        }
+        let heading = beside / along;
+        if self.heading != Vector3::zeros() {
+            let kept = self.heading.dot(&heading);
+            self.state[SLOPE] *= kept;
+            self.covariance.row_mut(SLOPE).scale_mut(kept);
+            self.covariance.column_mut(SLOPE).scale_mut(kept);
+            self.covariance[(SLOPE, SLOPE)] += (1.0 - kept * kept).max(0.0) * tuning.slope * tuning.slope;
+        }
+        self.heading = heading;
+    }
+
+    /// What the surface is tilted by against the normal along which depths are counted, as a vector
+    /// along it: from now on it is counted in the normal.
+    pub(super) fn take_tilt(&mut self) -> Vector3<f64> {
+        let tilt = self.heading * self.state[SLOPE];
+        self.state[SLOPE] = 0.0;
+        tilt
+    }
+
+    /// Counts depths from elsewhere: each is `shift` m more from now on.
+    pub(super) fn shift(&mut self, shift: f64) {
+        self.datum += shift;
     }
 
     fn predict(&mut self, way: &Way, tuning: &Tuning) {
@@ -75,10 +132,10 @@ impl Hold {
         let touches = if k * (way.end() - self.datum) > self.state[THETA] { 1.0 } else { 0.0 };
         let mut step = SMatrix::<f64, 4, 4>::identity();
         (step[(M, M)], step[(M, K)], step[(M, THETA)]) = (left, touches * response, -touches * (1.0 - left));
-        step[(THETA, SLOPE)] = k * way.along;
+        step[(THETA, SLOPE)] = k * way.along();
         self.state = step * self.state;
         self.covariance = step * self.covariance * step.transpose();
-        let (time, path) = (way.duration(), way.along);
+        let (time, path) = (way.duration(), way.along());
         let depth = DRIFT * DRIFT * time + ROUGHNESS * ROUGHNESS * path;
         let stiffness = OTHER_MATERIAL * OTHER_MATERIAL * path * k * k;
         // Another stiffness about the point at which the tool presses, not about c = datum.
@@ -87,16 +144,19 @@ impl Hold {
         self.covariance[(K, K)] += stiffness;
         self.covariance[(K, THETA)] += stiffness * at;
         self.covariance[(THETA, K)] += stiffness * at;
-        self.covariance[(SLOPE, SLOPE)] += CURVING * CURVING * path;
+        let curving = if tuning.learns_normal { CURVED } else { CURVING };
+        self.covariance[(SLOPE, SLOPE)] += curving * curving * path;
     }
 
-    fn correct(&mut self, force: f64, weight: f64, range: &Range) {
-        let variance = self.covariance[(M, M)] + 1.0 / weight;
-        self.expected = self.state[M];
-        let error = force - self.state[M];
-        let gain = self.covariance.column(M) / variance;
+    /// Of a force `beside` along the path, friction, a slope shows a part in what is taken for the
+    /// pressing one: −(n + s t)ᵀf is m, and so −nᵀf = m + s tᵀf.
+    fn correct(&mut self, force: f64, beside: f64, weight: f64, tuning: &Tuning) {
+        let row = self.covariance.row(M) + self.covariance.row(SLOPE) * beside;
+        let variance = row[M] + row[SLOPE] * beside + 1.0 / weight;
+        self.expected = self.state[M] + self.state[SLOPE] * beside;
+        let error = force - self.expected;
+        let gain = row.transpose() / variance;
         self.state += gain * error;
-        let row = self.covariance.row(M).into_owned();
         self.covariance -= gain * row;
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
         self.innovation += (error * error / variance - self.innovation) / SMOOTHED;
@@ -104,9 +164,12 @@ impl Hold {
             let k = self.state[K];
             self.covariance[(K, K)] += OPENED_STIFFNESS * OPENED_STIFFNESS * k * k;
             self.covariance[(THETA, THETA)] += OPENED_DEPTH * OPENED_DEPTH * k * k;
+            if tuning.learns_normal {
+                self.covariance[(SLOPE, SLOPE)] += OPENED_SLOPE * OPENED_SLOPE * tuning.slope * tuning.slope;
+            }
             self.innovation = 1.0;
         }
-        self.keep(range);
+        self.keep(&tuning.range);
     }
 
     /// At the edge of the range the state moves along what is not known.
@@ -117,6 +180,15 @@ impl Hold {
             let along = self.covariance.column(K) / self.covariance[(K, K)];
             self.state += along * missing;
             self.state[K] = k.clamp(range.least, range.most);
+        }
+    }
+
+    /// A slope that can't be is moved along what is not known to the next that can.
+    fn keep_slope(&mut self, (least, most): (f64, f64)) {
+        let slope = self.state[SLOPE];
+        let missing = slope.max(least).min(most) - slope;
+        if missing != 0.0 && self.covariance[(SLOPE, SLOPE)] > 0.0 {
+            self.state += self.covariance.column(SLOPE) * (missing / self.covariance[(SLOPE, SLOPE)]);
         }
     }
 

@@ -21,13 +21,17 @@ mod bank;
 mod cell;
 mod hold;
 mod normal;
+mod tilt;
 mod touch;
 
 pub(crate) use cell::Spring;
 
+use nalgebra::Vector3;
+
 use super::way::Way;
 use cell::Range;
 use hold::Hold;
+use tilt::Tilt;
 use touch::Touch;
 
 /// Error of the force that no noise explains: in N, and as a part of the force.
@@ -37,6 +41,12 @@ const FLOOR_PART: f64 = 0.005;
 const FADING_PART: f64 = 0.2;
 /// How long a touch takes from when it was noticed beyond the lag of f̂, s.
 const TOUCH: f64 = 0.020;
+/// The same where the normal is not known either: a touch knows of no slope.
+const TOUCH_TILTED: f64 = 0.003;
+/// Slope of a surface whose normal is told.
+const TOLD_SLOPE: f64 = 0.002;
+/// Largest tolerance of a normal is so many deviations of the slope.
+const TOLERANCE_DEVIATIONS: f64 = 2.0;
 /// Contact is lost when nothing has touched for so long, s.
 const LOST: f64 = 0.008;
 /// For so long the stiffness of a lost contact is remembered, s, within so many deviations and at
@@ -53,6 +63,8 @@ pub struct Prior {
     /// By how much the contact point may be deeper or less deep than the configured one, m; `None`
     /// where it may be anywhere.
     pub depth_tolerance: Option<f64>,
+    /// By how much the normal may be wrong, rad; 0 where it is told.
+    pub normal_tolerance: f64,
     /// From which share of surfaces on that can't be kept below the limit to stop.
     pub risk: f64,
 }
@@ -69,6 +81,10 @@ struct Tuning {
     felt_after: f64,
     /// Standard deviation of f̂, N.
     noise: f64,
+    /// Standard deviation of the slope of the surface along the path, at first.
+    slope: f64,
+    /// Whether the normal is learned.
+    learns_normal: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,7 +99,10 @@ enum Stage {
 pub(crate) struct SurfaceSet {
     tuning: Tuning,
     told: Range,
+    /// Between which depths the surface is told to begin, m.
+    told_depths: (f64, f64),
     stage: Stage,
+    tilt: Tilt,
     /// How long what is known of a lost contact's stiffness still holds, s.
     remembered: f64,
     /// Whether the surface is harder than any that was told.
@@ -97,6 +116,13 @@ pub(crate) struct SurfaceSet {
     risk: f64,
 }
 
+impl Tuning {
+    /// How long a touch takes from when it was noticed, s.
+    fn touch(&self) -> f64 {
+        if self.learns_normal { TOUCH_TILTED } else { TOUCH + self.lag }
+    }
+}
+
 impl SurfaceSet {
     /// Nothing seen. `lag` is T_est in s, `noise` the standard deviation of f̂ in N, `felt` the
     /// pressing force from which on it is felt in N, `depth` the configured contact depth in m.
@@ -105,10 +131,15 @@ impl SurfaceSet {
         let told = Range { least, most };
         let tolerance = prior.depth_tolerance.unwrap_or(f64::INFINITY);
         let depths = (depth - tolerance, depth + tolerance);
+        let learns_normal = prior.normal_tolerance > 0.0;
+        let slope = (libm::tan(prior.normal_tolerance) / TOLERANCE_DEVIATIONS).max(TOLD_SLOPE);
+        let felt_after = felt / least;
         Self {
-            tuning: Tuning { lag, range: told, depths, felt_after: felt / least, noise },
+            tuning: Tuning { lag, range: told, depths, felt_after, noise, slope, learns_normal },
             told,
+            told_depths: depths,
             stage: Stage::Touch(Touch::new()),
+            tilt: Tilt::none(libm::tan(prior.normal_tolerance), noise),
             remembered: 0.0,
             is_outside: false,
             fading: 0.0,
@@ -118,12 +149,17 @@ impl SurfaceSet {
         }
     }
 
-    /// Takes over what `old` knows, where it was told the same.
-    pub(crate) fn take_over(&mut self, old: &Self) {
-        if self.told == old.told && self.tuning.lag == old.tuning.lag {
+    /// Takes over what `old` knows, where it was told the same; returns whether it was.
+    pub(crate) fn take_over(&mut self, old: &Self) -> bool {
+        let (new, before) = (&self.tuning, &old.tuning);
+        let is_same = self.told == old.told
+            && self.told_depths == old.told_depths
+            && (new.lag, new.slope, new.learns_normal) == (before.lag, before.slope, before.learns_normal);
+        if is_same {
             let tuning = Tuning { noise: self.tuning.noise, ..old.tuning };
             *self = Self { tuning, risk: self.risk, ..*old };
         }
+        is_same
     }
 
     /// Forgets the surface, but for what was told.
@@ -131,11 +167,19 @@ impl SurfaceSet {
         self.stage = Stage::Touch(Touch::new());
         (self.tuning.range, self.remembered, self.fading) = (self.told, 0.0, 0.0);
         (self.is_outside, self.deepest) = (false, f64::NEG_INFINITY);
+        self.tuning.depths = self.told_depths;
+        self.tilt = Tilt::none(self.tilt.tolerance, self.tilt.noise);
     }
 
-    /// On to a sample at `depth` (m) that shows a pressing `force` (N). Without a `way` from the
-    /// sample before, everything begins anew.
-    pub(crate) fn follow(&mut self, way: Option<&Way>, depth: f64, force: f64, in_contact: bool) {
+    /// On to a sample at `depth` (m) that shows a pressing `force` and one `beside` it, along the
+    /// surface (N, base frame). Without a `way` from the sample before, everything begins anew.
+    pub(crate) fn follow(
+        &mut self,
+        way: Option<&Way>,
+        depth: f64,
+        (force, beside): (f64, &Vector3<f64>),
+        in_contact: bool,
+    ) {
         let Some(way) = way else {
             self.forget();
             return;
@@ -150,10 +194,13 @@ impl SurfaceSet {
         let noise = self.tuning.noise;
         let (by_force, by_fading) = (FLOOR_PART * force, FADING_PART * self.fading);
         let weight = 1.0 / (noise * noise + FLOOR * FLOOR + by_force * by_force + by_fading * by_fading);
+        // A touch does not know how much of the friction a slope shows.
+        let by_slope = if self.tuning.learns_normal { self.tuning.slope * beside.norm() } else { 0.0 };
         let force = force - self.fading;
         self.unexplained = Spring { depth: depth - force.max(0.0) / self.told.least, stiffness: self.told.least };
         match &mut self.stage {
             Stage::Touch(touch) => {
+                let weight = weight / (1.0 + weight * by_slope * by_slope);
                 touch.follow(way, force, weight, in_contact, &self.tuning);
                 if touch.is_outside() && self.remembered > 0.0 {
                     // Another surface than the one that is remembered.
@@ -164,7 +211,10 @@ impl SurfaceSet {
                     self.tuning.range.most = self.told.most * touch::HARDEST;
                 }
             }
-            Stage::Hold(hold) => hold.follow(way, force, weight, &self.tuning),
+            Stage::Hold(hold) => {
+                self.tilt.path += way.along();
+                hold.follow(way, (force, beside), weight, (&self.tuning, &self.tilt));
+            }
         }
         self.change_stage();
     }
@@ -176,12 +226,13 @@ impl SurfaceSet {
                 if touch.away() > LOST {
                     (self.fading, self.stage) = (self.fading + found.shown, Stage::Touch(Touch::new()));
                 } else if touch.is_certain()
-                    && touch.noticed().is_some_and(|since| since >= TOUCH + self.tuning.lag)
+                    && touch.noticed().is_some_and(|since| since >= self.tuning.touch())
                     && touch.away() == 0.0
                 {
-                    let datum = found.spring.depth;
+                    let Spring { depth: datum, stiffness } = found.spring;
                     if let Some(moments) = touch.moments(datum, &self.tuning.range) {
-                        self.stage = Stage::Hold(Hold::new(datum, &moments));
+                        let wrongly = self.wrong_by_slope(touch.beside_since(datum), datum, stiffness);
+                        self.stage = Stage::Hold(Hold::new(datum, &moments, wrongly, &self.tuning));
                     }
                 }
             }
@@ -197,6 +248,50 @@ impl SurfaceSet {
             }
             Stage::Hold(_) => {}
         }
+    }
+
+    /// What a touch takes for stiffness (N/m) and for θ (N) where the surface has a slope of 1, after
+    /// so much way `beside` (m) since it began at `depth`: the force is k (x − c − slope · way).
+    fn wrong_by_slope(&self, beside: f64, depth: f64, stiffness: f64) -> (f64, f64) {
+        if !self.tuning.learns_normal {
+            return (0.0, 0.0);
+        }
+        let pressed = (self.deepest - depth).max(beside * self.tuning.slope);
+        (stiffness * beside / pressed.max(f64::MIN_POSITIVE), stiffness * beside)
+    }
+
+    /// By how much the surface turned out to be tilted against the normal along which depths are
+    /// counted, since this was asked last: a vector along it; `None` where the normal is told.
+    pub(crate) fn take_tilt(&mut self) -> Option<Vector3<f64>> {
+        match &mut self.stage {
+            Stage::Hold(hold) if self.tuning.learns_normal => {
+                let tilt = hold.take_tilt();
+                self.tilt.of_normal += tilt;
+                Some(tilt)
+            }
+            Stage::Touch(_) | Stage::Hold(_) => None,
+        }
+    }
+
+    /// Whether the normal is learned.
+    pub(crate) fn learns_normal(&self) -> bool {
+        self.tuning.learns_normal
+    }
+
+    /// Whether the normal that was learned still holds.
+    pub(crate) fn remembers_normal(&self) -> bool {
+        matches!(self.stage, Stage::Hold(_)) || self.remembered > 0.0 || self.likeliest().is_some()
+    }
+
+    /// Counts depths along another normal: where the tool is they are `shift` m more from now on.
+    pub(crate) fn shift(&mut self, shift: f64) {
+        if let Stage::Hold(hold) = &mut self.stage {
+            hold.shift(shift);
+        }
+        let (first, last) = self.tuning.depths;
+        self.tuning.depths = (first + shift, last + shift);
+        self.deepest += shift;
+        self.unexplained.depth += shift;
     }
 
     /// The likeliest surface; `None` before a touch.

@@ -65,7 +65,7 @@ extern crate std;
 use std::vec::Vec;
 
 fn set(noise: f64) -> SurfaceSet {
-    let prior = Prior { stiffness: (1e4, 5e5), depth_tolerance: None, risk: 0.99 };
+    let prior = Prior { stiffness: (1e4, 5e5), depth_tolerance: None, normal_tolerance: 0.0, risk: 0.99 };
     SurfaceSet::new(&prior, LAG, noise, 5.0, 0.0)
 }
 
@@ -78,7 +78,7 @@ fn a_force_is_known_to_exceed_a_limit_or_not() {
     for cycle in -before..cycles {
         let time = CYCLE * f64::from(cycle + 1);
         let force = world.stiffness * exact[(cycle + before) as usize] + world.error();
-        set.follow(Some(&world.way(time)), world.depth(time), force, force > 5.0);
+        set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros()), force > 5.0);
         let depth = |part: i32| world.depth(time - CYCLE * f64::from(part) / 64.0);
         let peak = world.stiffness * ((0..=64).map(depth).fold(f64::NEG_INFINITY, f64::max) - world.begins);
         // f̂ without its lag has five standard deviations of 18 N here.
@@ -105,7 +105,7 @@ fn the_set_of_a_touch_is_that_of_a_grid() {
         for cycle in -before..cycles {
             let time = CYCLE * f64::from(cycle + 1);
             let force = world.stiffness * exact[(cycle + before) as usize] + world.error();
-            set.follow(Some(&world.way(time)), world.depth(time), force, force > 5.0);
+            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros()), force > 5.0);
             forces.push(force);
         }
         let spring = set.likeliest().expect("noticed");
@@ -180,7 +180,7 @@ fn held(creep: f64) -> (SurfaceSet, f64) {
             value = left * value + (1.0 - left) * world.stiffness * (depth - world.begins).max(0.0);
         }
         let force = value + world.error();
-        set.follow(Some(&way), rest(start + CYCLE), force, force > 5.0);
+        set.follow(Some(&way), rest(start + CYCLE), (force, &Vector3::zeros()), force > 5.0);
     }
     assert!(matches!(set.stage, Stage::Hold(_)));
     (set, 0.0123 + 0.0008 - world.begins)
@@ -210,7 +210,7 @@ fn a_surface_that_is_harder_than_told_is_found_out() {
         for cycle in -30..15 {
             let time = CYCLE * f64::from(cycle + 1);
             let force = stiffness * exact[(cycle + 30) as usize] + world.error();
-            set.follow(Some(&world.way(time)), world.depth(time), force, force > 5.0);
+            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros()), force > 5.0);
             found |= set.is_outside();
         }
         assert_eq!(found, is_outside, "{stiffness}");

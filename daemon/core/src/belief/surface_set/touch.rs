@@ -48,6 +48,8 @@ struct Candidate {
 pub(super) struct Touch {
     fine: Bank<FINE>,
     coarse: Bank<COARSE>,
+    /// Way along the surface so far, m.
+    beside: f64,
     /// Since the last node of each bank, s.
     since_fine: f64,
     since_coarse: f64,
@@ -88,6 +90,7 @@ impl Touch {
         Self {
             fine: Bank::empty(),
             coarse: Bank::empty(),
+            beside: 0.0,
             since_fine: 0.0,
             since_coarse: 0.0,
             constant: 0.0,
@@ -126,7 +129,9 @@ impl Touch {
 
     /// On to a sample at the end of `way` that shows a pressing `force` (N).
     pub(super) fn follow(&mut self, way: &Way, force: f64, weight: f64, in_contact: bool, tuning: &Tuning) {
+        let (beside, along, duration) = (self.beside, way.along(), way.duration());
         for piece in way.pieces() {
+            self.beside += along * piece.duration / duration;
             let (decay, weights) = piece.weights(tuning.lag);
             self.fine.advance(piece, weights, decay);
             self.coarse.advance(piece, weights, decay);
@@ -136,6 +141,7 @@ impl Touch {
                 self.place(piece.depth[2], tuning);
             }
         }
+        self.beside = beside + along;
         self.fine.add(force, weight);
         self.coarse.add(force, weight);
         let is_felt = in_contact || force * force * weight > EVIDENCE_IN_CONTACT;
@@ -189,11 +195,11 @@ impl Touch {
         }
         if self.since_coarse >= COARSE_SPACING * 0.999 && depth - self.coarse.last() >= tuning.felt_after * COARSE_PART
         {
-            self.coarse.push(depth);
+            self.coarse.push(depth, self.beside);
             self.since_coarse = 0.0;
         }
         if self.since_fine >= FINE_SPACING * 0.999 && depth - self.fine.last() >= tuning.felt_after * FINE_PART {
-            self.fine.push(depth);
+            self.fine.push(depth, self.beside);
             self.since_fine = 0.0;
         }
     }
@@ -212,6 +218,12 @@ impl Touch {
         let Candidate { cell, response, best } = best;
         let [a, b] = best.weights;
         Some(Found { cost: best.cost, spring: cell.spring(best.weights), shown: a * response[0] + b * response[1] })
+    }
+
+    /// The way along the surface since the tool was at this depth, m.
+    pub(super) fn beside_since(&self, depth: f64) -> f64 {
+        let then = self.fine.beside(depth).or_else(|| self.coarse.beside(depth));
+        then.map_or(0.0, |then| self.beside - then)
     }
 
     /// By how much the errors are larger than was told, as a factor of variances.

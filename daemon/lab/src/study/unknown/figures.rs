@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::super::statistics::exceeds;
 use super::run::Seen;
-use super::{Case, Told, World};
+use super::{Case, NotAsTold, Told, World};
 
 /// Fewer samples in contact than this say little.
 const FEWEST_SAMPLES: u32 = 3;
@@ -40,6 +40,8 @@ struct Examples {
 pub(crate) struct Figures {
     surface: Told,
     noise_n: f64,
+    #[serde(flatten)]
+    not_as_told: NotAsTold,
     runs: u64,
     seed: u64,
     apart: u32,
@@ -90,6 +92,7 @@ impl Figures {
         let mut figures = Self {
             surface: world.told,
             noise_n: world.noise_n,
+            not_as_told: world.not_as_told,
             runs: cases.len() as u64,
             seed: world.seed,
             apart: 0,

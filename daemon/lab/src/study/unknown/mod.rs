@@ -2,6 +2,7 @@
 //! knows them.
 
 mod figures;
+mod not_as_told;
 mod run;
 
 use std::fmt::Write as _;
@@ -13,6 +14,7 @@ use super::closed_loop;
 use super::controller::{self, Profile, Variant};
 use super::draw::{ACTIVATION_THRESHOLD_N, Draw, SOFTEST_N_M};
 use figures::Figures;
+pub(crate) use not_as_told::NotAsTold;
 use run::Seen;
 
 /// Stiffness of the hardest surface drawn, in N/m: of fifty times the softest.
@@ -44,13 +46,16 @@ pub(crate) struct World {
     pub(crate) noise_n: f64,
     /// contact.risk, where it is not the default.
     pub(crate) risk: Option<f64>,
+    pub(crate) not_as_told: NotAsTold,
     pub(crate) seed: u64,
 }
 
 /// One contact, and what became of it.
 #[derive(Debug, Clone)]
 struct Case {
+    /// As it is, and as it was told.
     draw: Draw,
+    told: Draw,
     seen: Result<Seen, String>,
     /// Lowest peak that some input attains in N, for who knows the surface; `None` where it was not
     /// found.
@@ -60,11 +65,15 @@ struct Case {
 }
 
 impl Case {
-    /// |true force at the end − asked| in N.
+    /// |true force at the end − asked| in N. The minimum forces are those of axes: where the told
+    /// normal is another than the true one, what is asked is between what they are along either.
     fn settled_error_n(&self, seen: &Seen) -> f64 {
-        let normal = self.draw.normal();
-        let along = |axis: usize| self.draw.minimum_force_n[axis] / normal[axis].max(f64::MIN_POSITIVE);
-        (seen.resting_n - along(0).max(along(1))).abs()
+        let asked = |normal: [f64; 2]| {
+            let along = |axis: usize| self.told.minimum_force_n[axis] / normal[axis].max(f64::MIN_POSITIVE);
+            along(0).max(along(1))
+        };
+        let (told, actual) = (asked(self.told.normal()), asked(self.draw.normal()));
+        (seen.resting_n - seen.resting_n.clamp(told.min(actual), told.max(actual))).abs()
     }
 }
 
@@ -90,7 +99,10 @@ impl World {
     }
 
     fn controller(&self, draw: &Draw) -> Result<admittance_runner::config::Config, String> {
-        let range = self.range(draw).map_or_else(String::new, |range| format!("stiffness_range_n_m = {range:?}\n"));
+        let tolerance = self.not_as_told.tilt_deg.to_radians();
+        let range = self.range(draw).map_or_else(String::new, |range| {
+            format!("stiffness_range_n_m = {range:?}\nnormal_tolerance_rad = {tolerance:?}\n")
+        });
         let inputs = (draw.sampling_time_s / INPUT_S).ceil().max(1.0);
         let text = controller::controller_text(draw, Profile::Default, Variant::Detected)
             .replace("[mpc]\n", &format!("[mpc]\ninputs_per_cycle = {inputs}\n"))
@@ -105,18 +117,21 @@ impl World {
         let told = self.range(draw).map_or(draw.stiffness_n_m, |[least, most]| (least * most).sqrt());
         let known = format!("normal_stiffness_n_m = {:?}\n", draw.stiffness_n_m);
         let text = text.replace(&known, &format!("normal_stiffness_n_m = {told:?}\n"));
+        let text = self.not_as_told.controller_text(draw, &text);
         admittance_host::config::parse(&text, "controller.toml").map_err(|errors| errors.to_string())
     }
 
     fn scenario(&self, draw: &Draw) -> Result<plant_sim::scenario::Scenario, String> {
         let noise = format!("[noise]\nwrench = {:?}\nseed = {}\n", self.noise_n, self.seed + 1000 * draw.index);
         let text = controller::scenario_text(draw).replace("[noise]\n", &noise);
+        let text = self.not_as_told.scenario_text(draw, &text);
         admittance_host::config::parse(&text, "scenario.toml").map_err(|errors| errors.to_string())
     }
 
     fn case(&self, index: u64) -> Result<Case, String> {
-        let draw = Draw::up_to(HARDEST_N_M, self.seed, index)?;
-        let (config, scenario) = (self.controller(&draw)?, self.scenario(&draw)?);
+        let told = Draw::up_to(HARDEST_N_M, self.seed, index)?;
+        let draw = self.not_as_told.actual(&told);
+        let (config, scenario) = (self.controller(&told)?, self.scenario(&draw)?);
         let seen = run::run(&draw, self.threshold_n(), (&config, &scenario), &mut |_| ());
         let first = seen.as_ref().ok().and_then(|seen| seen.first_active);
         let contact = first.map(|first| closed_loop::contact(&draw, &first));
@@ -125,7 +140,7 @@ impl World {
         let attainable_in_contact_n = contact
             .filter(|_| has_lost)
             .map(|contact| contact.lowest_peak_in_contact().map_or(f64::INFINITY, |answer| answer.optimum_n));
-        Ok(Case { draw, seen, attainable_n, attainable_in_contact_n })
+        Ok(Case { draw, told, seen, attainable_n, attainable_in_contact_n })
     }
 
     /// The figures of `runs` contacts.
@@ -145,7 +160,7 @@ impl World {
         let case = self.case(index)?;
         let mut text = format!("{:#?}\nrange {:?}\n", case.draw, self.range(&case.draw));
         let mut lines = String::new();
-        let (config, scenario) = (self.controller(&case.draw)?, self.scenario(&case.draw)?);
+        let (config, scenario) = (self.controller(&case.told)?, self.scenario(&case.draw)?);
         let _ = run::run(&case.draw, self.threshold_n(), (&config, &scenario), &mut |line| {
             let _ = writeln!(lines, "{line}");
         });
@@ -163,9 +178,11 @@ impl World {
 mod tests {
     use super::*;
 
+    const AS_TOLD: NotAsTold = NotAsTold { tilt_deg: 0.0, friction: 0.0, damping: 0.0, told_lag: 1.0, bias_n: 0.0 };
+
     /// By how much the force at the end is not the one that is asked, N.
     fn settled_error_n(told: Told, index: u64) -> f64 {
-        let world = World { told, noise_n: 0.0, risk: None, seed: 318_842 };
+        let world = World { told, noise_n: 0.0, risk: None, not_as_told: AS_TOLD, seed: 318_842 };
         let case = world.case(index).unwrap();
         let seen = case.seen.as_ref().unwrap();
         assert!(seen.accepted() && seen.contact_losses == 0, "case {index}: {seen:?}");

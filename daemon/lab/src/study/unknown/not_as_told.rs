@@ -1,0 +1,65 @@
+//! What nobody told of the worlds of a study: the surface's normal, friction, damping, the lag and the
+//! bias of the wrench.
+
+use serde::Serialize;
+
+use super::super::draw::Draw;
+
+/// By how much the worlds are not as they are told.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, clap::Args)]
+pub(crate) struct NotAsTold {
+    /// With --surface: the surface's normal is up to so many degrees from the told one.
+    #[arg(long, default_value_t = 0.0, value_name = "DEGREES", value_parser = tilt, requires = "surface")]
+    pub(crate) tilt_deg: f64,
+    /// With --surface: Coulomb's coefficient of friction.
+    #[arg(long, default_value_t = 0.0, requires = "surface")]
+    pub(crate) friction: f64,
+    /// With --surface: damping of the surface along its normal, N s/m.
+    #[arg(long, default_value_t = 0.0, value_name = "N S/M", requires = "surface")]
+    pub(crate) damping: f64,
+    /// With --surface: T_est that is told, of the true one.
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", requires = "surface")]
+    pub(crate) told_lag: f64,
+    /// With --surface: what the wrench shows beside the force, against it or with it along the normal, N.
+    #[arg(long, default_value_t = 0.0, value_name = "N", requires = "surface")]
+    pub(crate) bias_n: f64,
+}
+
+fn tilt(text: &str) -> Result<f64, String> {
+    let tilt: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (0.0..=30.0).contains(&tilt) { Ok(tilt) } else { Err("0 to 30 degrees".to_owned()) }
+}
+
+impl NotAsTold {
+    /// The contact as it is, of which `told` is what the controller is told: the surface is tilted to
+    /// either side.
+    pub(super) fn actual(&self, told: &Draw) -> Draw {
+        Draw { angle_rad: told.angle_rad + self.tilt_deg.to_radians() * side(told), ..told.clone() }
+    }
+
+    /// The controller's configuration with it.
+    pub(super) fn controller_text(&self, told: &Draw, text: &str) -> String {
+        let lag = |lag: f64| format!("wrench_time_constant_s = {:?}", [lag; 2]);
+        let true_lag = told.wrench_time_constant_s;
+        text.replace(&lag(true_lag), &lag(true_lag * self.told_lag))
+    }
+
+    /// The plant's scenario with it.
+    pub(super) fn scenario_text(&self, draw: &Draw, text: &str) -> String {
+        let Self { friction, damping, .. } = self;
+        let surface = format!("[surface]\nfriction = {friction:?}\ndamping_n_s_m = {damping:?}\n");
+        let text = text.replace("[surface]\n", &surface);
+        if self.bias_n == 0.0 {
+            return text;
+        }
+        let bias = self.bias_n * side(draw).signum();
+        let [x, y] = draw.normal().map(|part| -part * bias);
+        let sensor = format!("[sensor]\nin_base_axes = true\nbias = {:?}\n\n[noise]\n", [x, y, 0.0, 0.0, 0.0, 0.0]);
+        text.replace("[noise]\n", &sensor)
+    }
+}
+
+/// From −1 to 1, evenly; digits of the contact's phase, which has nothing to do with it.
+fn side(draw: &Draw) -> f64 {
+    2.0 * (draw.contact_phase * 1e9).fract() - 1.0
+}
