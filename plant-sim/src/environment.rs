@@ -1,5 +1,5 @@
-//! The environment, equations (11) and (19)-(21): a plane that pushes back like a spring, and never
-//! pulls.
+//! The environment, equations (11) and (19)-(21): a plane, or a cylinder, that pushes back like a
+//! spring, and never pulls.
 //!
 //! For the planar arm the paper's K_e = Tᵀ diag(0, k) T with T = [cos α, −sin α; sin α, cos α] is
 //! the stiffness k along Tᵀ (0, 1) = (sin α, cos α): with α above zero the surface falls toward +x,
@@ -9,14 +9,20 @@ use nalgebra::Vector3;
 
 use crate::maxwell::{Creep, Maxwell};
 
-/// A plane with a one-sided spring, an optional damper, optional creep and optional Coulomb
+/// A plane or a cylinder with a one-sided spring, an optional damper, optional creep and optional Coulomb
 /// friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
-    /// A point of the undeformed plane in the base frame, in m.
+    /// A point of the undeformed surface in the base frame, in m.
     pub point: Vector3<f64>,
-    /// Unit vector out of the material, into free space, in the base frame.
+    /// Unit vector out of the material, into free space, in the base frame: there, and on a plane
+    /// everywhere.
     pub normal: Vector3<f64>,
+    /// 1/radius of a cylinder in 1/m; above zero it falls away to both sides, below zero it is a
+    /// hollow. 0 is a plane.
+    pub curvature: f64,
+    /// Direction of its axis, length 1, at a right angle to the normal.
+    pub axis: Vector3<f64>,
     /// Stiffness along the normal in N/m.
     pub stiffness: f64,
     /// Damping along the normal in N s/m.
@@ -58,14 +64,27 @@ pub fn planar_normal(inclination_rad: f64) -> Vector3<f64> {
 }
 
 impl Surface {
-    /// Depth of a point below the undeformed plane in m; negative is a gap.
+    /// Depth of a point below the undeformed surface in m; negative is a gap.
     pub fn penetration(&self, position: &Vector3<f64>) -> f64 {
-        self.normal.dot(&(self.point - position))
+        if self.curvature == 0.0 {
+            return self.normal.dot(&(self.point - position));
+        }
+        let (across, radial) = self.radial(position);
+        // (1 − |n + κ u|) / κ without the loss of digits of a large radius.
+        -(2.0 * self.normal.dot(&across) + self.curvature * across.norm_squared()) / (1.0 + radial.norm())
     }
 
-    /// The component of a vector along the plane.
-    pub fn tangential(&self, vector: &Vector3<f64>) -> Vector3<f64> {
-        vector - self.normal * self.normal.dot(vector)
+    /// Unit vector out of the material where a point is.
+    pub fn normal_at(&self, position: &Vector3<f64>) -> Vector3<f64> {
+        if self.curvature == 0.0 { self.normal } else { self.radial(position).1.normalize() }
+    }
+
+    /// From the point of the surface to a position, at a right angle to the axis, u; and n + κ u, which
+    /// leads out of the surface at it.
+    fn radial(&self, position: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let way = position - self.point;
+        let across = way - self.axis * self.axis.dot(&way);
+        (across, self.normal + across * self.curvature)
     }
 
     /// Whether the force depends on the velocity of the TCP.
@@ -91,10 +110,11 @@ impl Surface {
         }
         let creeping = self.maxwell.map_or(0.0, |maxwell| maxwell.stiffness * (penetration - creep.extension));
         let spring = self.stiffness * penetration + creeping;
-        let normal_force = (spring - self.damping * self.normal.dot(velocity)).max(0.0);
-        let mut force = self.normal * -normal_force;
+        let normal = self.normal_at(position);
+        let normal_force = (spring - self.damping * normal.dot(velocity)).max(0.0);
+        let mut force = normal * -normal_force;
         if self.friction > 0.0 {
-            let sliding = self.tangential(velocity);
+            let sliding = velocity - normal * normal.dot(velocity);
             force += sliding * (self.friction * normal_force / sliding.norm().hypot(self.slip_velocity));
         }
         Contact { penetration, touches: true, normal_force, force }
@@ -109,6 +129,8 @@ mod tests {
         Surface {
             point: Vector3::new(1.32, 0.68, 0.0),
             normal: planar_normal(25f64.to_radians()),
+            curvature: 0.0,
+            axis: Vector3::z(),
             stiffness: 1e5,
             damping: 0.0,
             maxwell: None,
@@ -149,6 +171,26 @@ mod tests {
             largest = largest.max(contact.normal_force);
         }
         assert!(largest > 199.0 && work > 1e-3, "peak {largest} N, work {work} J");
+    }
+
+    #[test]
+    fn a_cylinder_is_round() {
+        for (curvature, at_the_middle) in [(5.0, 1.0), (-5.0, -1.0)] {
+            let surface = Surface { curvature, ..surface() };
+            let middle = surface.point - surface.normal * 0.2 * at_the_middle;
+            for angle in [-0.8_f64, 0.0, 0.3, 1.0] {
+                let out = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), angle) * surface.normal;
+                // 1 mm in the material, anywhere along its axis.
+                let position = middle + out * at_the_middle * (0.2 - 0.001 * at_the_middle) + Vector3::z() * angle;
+                assert!((surface.penetration(&position) - 0.001).abs() < 1e-12, "{angle}");
+                assert!((surface.normal_at(&position) - out).norm() < 1e-12, "{angle}");
+                let force = surface.contact(&position, &Vector3::zeros(), &Creep::default()).force;
+                assert!((force + out * 100.0).norm() < 1e-6, "{force}");
+            }
+        }
+        let (plane, flat) = (surface(), Surface { curvature: 1e-9, ..surface() });
+        let position = plane.point + Vector3::new(0.3, -0.2, 0.1);
+        assert!((plane.penetration(&position) - flat.penetration(&position)).abs() < 1e-9);
     }
 
     #[test]

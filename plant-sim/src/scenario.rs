@@ -6,6 +6,7 @@ use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
 use admittance_host::robot_description::RobotDescription;
 use admittance_host::{config_file, config_section};
+use nalgebra::Vector3;
 
 use crate::faults::FaultKind;
 
@@ -48,11 +49,16 @@ config_section! {
 config_section! {
     /// What the TCP may touch: a plane.
     pub struct SurfaceSection {
-        /// A point of the undeformed plane, base frame.
+        /// A point of the undeformed surface, base frame.
         point_m: [f64; 3], unit "m", range -100.0..=100.0;
         /// Outward normal, base frame; any length above zero. A plane that falls by α towards +x:
         /// [sin α, cos α, 0].
         normal: [f64; 3], unit "1", range -1.0..=1.0;
+        /// 1/radius of a cylinder that has this normal at point_m: above zero it falls away to both
+        /// sides, below zero it is a hollow. 0 is a plane.
+        curvature_1_m: f64 = 0.0, unit "1/m", range -100.0..=100.0;
+        /// Direction of the cylinder's axis, base frame; what of it is along the normal is left out.
+        axis: [f64; 3] = [0.0, 0.0, 1.0], unit "1", range -1.0..=1.0;
         /// Stiffness along the normal, k_env of (19).
         stiffness_n_m: f64, unit "N/m", range 100.0..=1e8;
         /// Damping along the normal.
@@ -71,10 +77,22 @@ config_section! {
     cross_check normal_has_a_direction;
 }
 
+impl SurfaceSection {
+    /// Direction of the cylinder's axis, at a right angle to the normal; `None` where it has none.
+    pub(crate) fn cylinder_axis(&self) -> Option<Vector3<f64>> {
+        let (normal, axis) = (Vector3::from(self.normal).try_normalize(1e-3)?, Vector3::from(self.axis));
+        (axis - normal * normal.dot(&axis)).try_normalize(1e-3)
+    }
+}
+
 fn normal_has_a_direction(surface: &SurfaceSection, path: &str, errors: &mut Vec<ConfigError>) {
     if surface.normal.iter().map(|n| n * n).sum::<f64>() < 1e-6 {
         let key = format!("{path}.normal");
         errors.push(ConfigError::new(key, format!("{:?}", surface.normal), "a vector that is not zero"));
+    }
+    if surface.curvature_1_m != 0.0 && surface.cylinder_axis().is_none() {
+        let key = format!("{path}.axis");
+        errors.push(ConfigError::new(key, format!("{:?}", surface.axis), "a vector that is not along the normal"));
     }
 }
 

@@ -98,6 +98,8 @@ pub fn plant<const N: usize, const D: usize>(
         surface: scenario.surface.as_ref().map(|surface| Surface {
             point: surface.point_m.into(),
             normal: Vector3::from(surface.normal).normalize(),
+            curvature: surface.curvature_1_m,
+            axis: surface.cylinder_axis().unwrap_or_else(Vector3::z),
             stiffness: surface.stiffness_n_m,
             damping: surface.damping_n_s_m,
             maxwell: surface

@@ -54,12 +54,12 @@ impl<const D: usize> Surface<D> {
         -self.normal.dot(wrench)
     }
 
-    /// Force in N with which a wrench presses on the surface, and the one along it, base frame.
-    pub(crate) fn forces(&self, wrench: &SVector<f64, D>) -> (f64, Vector3<f64>) {
-        let pressing = self.pressing_force(wrench);
-        let mut beside = self.normal_direction() * pressing;
-        linear_axes::<D>().for_each(|axis| beside[axis] += wrench[axis]);
-        (pressing, beside)
+    /// The linear parts of a wrench or twist: into the surface, and along it in the base frame.
+    pub(crate) fn parts(&self, vector: &SVector<f64, D>) -> (f64, Vector3<f64>) {
+        let inward = -self.normal.dot(vector);
+        let mut beside = self.normal_direction() * inward;
+        linear_axes::<D>().for_each(|axis| beside[axis] += vector[axis]);
+        (inward, beside)
     }
 
     /// Force in N with which the spring says that a TCP at `pose` presses: k times its depth below

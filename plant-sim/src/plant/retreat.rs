@@ -95,7 +95,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         match (self.retreat, &self.parameters.surface) {
             (None | Some(Retreat::Next), _) => self.parameters.motion.twist(self.index),
             (Some(Retreat::Commanded(_) | Retreat::Jogged(_)), Some(surface)) => {
-                SVector::from_fn(|axis, _| if axis < 3 { surface.normal[axis] * SPEED_M_S } else { 0.0 })
+                let out = surface.normal_at(&self.kinematics.pose.position) * SPEED_M_S;
+                SVector::from_fn(|axis, _| if axis < 3 { out[axis] } else { 0.0 })
             }
             _ => SVector::zeros(),
         }

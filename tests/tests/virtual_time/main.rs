@@ -12,6 +12,7 @@ mod limits_are_constraints;
 mod paper_experiment;
 mod settling;
 mod stops_and_guards;
+mod unknown_normal;
 mod unknown_surface;
 mod unlagged;
 mod velocity_loops;

@@ -18,8 +18,8 @@ impl<const D: usize> Belief<D> {
         let position = &sample.posture.pose().position;
         let depth = -surface.height(position);
         let in_contact = self.contact.is_any();
-        let forces = surface.forces(&sample.wrench);
-        set.follow(way, depth, (forces.0, &forces.1), in_contact);
+        let (pressing, beside) = surface.parts(&sample.wrench);
+        set.follow(way, depth, (pressing, &beside), in_contact);
         if let Some(tilt) = set.take_tilt() {
             set.shift(surface.tilt(&tilt, position));
         }
@@ -37,6 +37,14 @@ impl<const D: usize> Belief<D> {
     /// that turns out to be tilted the tool is to slide, not to leave it.
     pub(crate) fn is_left_by(&self, twist: &SVector<f64, D>) -> bool {
         self.settings.surface.is_left_by(twist)
+    }
+
+    /// f_min per axis in N: that of the told normal's axes is a force along it, and stays that along
+    /// one that is learned. An axis that the tool turns away from would else ask for more and more.
+    pub(crate) fn least_force(&self, told: &SVector<f64, D>) -> SVector<f64, D> {
+        let (is, was) = (&self.surface.normal, &self.settings.surface.normal);
+        let part = |axis: usize| if is[axis] == was[axis] { 1.0 } else { is[axis].abs() / was[axis].abs() };
+        SVector::from_fn(|axis, _| if self.signs.sign(axis).is_some() { told[axis] * part(axis) } else { told[axis] })
     }
 
     /// What the surface may be, where only a range of it is told.

@@ -72,8 +72,9 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
     let axis = bounded.min_by(|a, b| along(*a).total_cmp(&along(*b)))?;
     let limit = along(axis) * (1.0 + tolerance);
     let (depth, shown) = scale(situation);
-    let reached = shown(set.depths_of(limit, SURE).0);
     let (deepest, time) = deepest_of(settings, situation);
+    let path = time * speed_along(situation);
+    let reached = shown(set.depths_of(limit, SURE, path).0);
     let helped = deepest + (ROOM + tolerance) * deepest.max(limit);
     if set.likeliest().is_none() {
         // A force that no surface explains yet is none that may be exceeded.
@@ -83,14 +84,14 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
         return Some(SetBounds { maximum: reached, risk: None, excess: 0.0 });
     }
     let deepest_depth = depth(deepest);
-    let share = set.share_above(limit, deepest_depth);
+    let share = set.share_above(limit, deepest_depth, path);
     let risk = Risk {
         share,
-        excess: set.strongest(deepest_depth, SURE) - limit,
+        excess: set.strongest(deepest_depth, SURE, path) - limit,
         time,
         axis,
         stops: share > set.risk(),
-        is_hopeless: set.depths_of(limit, HOPELESS).1 < deepest_depth,
+        is_hopeless: set.depths_of(limit, HOPELESS, path).1 < deepest_depth,
     };
     let excess = scaled_now(situation) - reached;
     Some(SetBounds { maximum: helped, risk: Some(risk), excess })
@@ -99,6 +100,12 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
 /// The force of the likeliest surface now, along the normal, N.
 fn scaled_now<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -> f64 {
     situation.belief.surface().spring_force(situation.sample.posture.pose())
+}
+
+/// How fast the tool moves along the surface, m/s.
+fn speed_along<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -> f64 {
+    let (_, beside) = situation.belief.surface().parts(&(situation.sample.posture.jacobian() * situation.joints.velocity));
+    beside.norm()
 }
 
 /// The deepest point that can't be helped, in N of the likeliest surface, and when it is, s from the
@@ -181,5 +188,5 @@ pub(super) fn pressing_everywhere<const N: usize, const D: usize>(
     situation: &Situation<'_, N, D>,
     force: f64,
 ) -> f64 {
-    scale(situation).1(set.depths_of(force, PRESSING).1)
+    scale(situation).1(set.depths_of(force, PRESSING, 0.0).1)
 }

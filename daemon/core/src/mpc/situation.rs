@@ -8,7 +8,7 @@ use super::model::{Model, State};
 use admittance_vocabulary::Side;
 
 use super::verdict::Verdict;
-use crate::belief::{Belief, JointMotion};
+use crate::belief::{Belief, JointMotion, SurfaceSet};
 use crate::intake::Accepted;
 use crate::output::Output;
 use crate::quantities::Span;
@@ -80,10 +80,15 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
 
     /// The speed along the normal, in m/s, that an arm needs beside its twist to keep to it while
     /// its joints turn with q̇ (rad/s): a joint lags behind its reference by T, and J turns
-    /// meanwhile. J q̇ is not J r but J r + J T J⁻¹ J̇ q̇.
+    /// meanwhile. J q̇ is not J r but J r + J T J⁻¹ J̇ q̇. A surface that bends turns the path as well.
     pub(super) fn normal_lead(&self, settings: &Settings<N, D>, joint_velocity: &SVector<f64, N>) -> f64 {
-        let (posture, normal) = (&self.sample.posture, &self.belief.surface().normal);
-        let turning = posture.acceleration_at_constant_joint_velocity(joint_velocity);
+        let (posture, surface) = (&self.sample.posture, self.belief.surface());
+        let normal = &surface.normal;
+        let mut turning = posture.acceleration_at_constant_joint_velocity(joint_velocity);
+        if let Some(bend) = self.belief.set().map(SurfaceSet::bend).filter(|bend| *bend != 0.0) {
+            let (_, along) = surface.parts(&(posture.jacobian() * joint_velocity));
+            turning += normal * (bend * along.norm_squared());
+        }
         let held = settings.timing.command_delay.seconds() + 0.5 * settings.timing.sampling_time.seconds();
         let lag = (settings.loops.until_rest()[0] + settings.loops.dead_time).add_scalar(held);
         -normal.dot(&(posture.jacobian() * self.joint_velocity(&turning).component_mul(&lag)))

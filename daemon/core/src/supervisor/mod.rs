@@ -255,7 +255,7 @@ impl<const D: usize> Supervisor<D> {
             self.apply(Cause::Release, sample.stamp);
         }
         if let Mode::Contact(memory) = &mut self.mode {
-            memory.follow(contact, &sample.wrench, &self.settings.minimum_force);
+            memory.follow(contact, &sample.wrench, &belief.least_force(&self.settings.minimum_force));
             memory.follow_impact(sample, belief);
         }
         (was_in_contact && matches!(self.mode, Mode::Free { .. })).then_some(end)
@@ -335,8 +335,9 @@ impl<const D: usize> Supervisor<D> {
                 settles = memory.is_settling();
             }
             let leaves = belief.is_left_by(twist_reference);
+            let least_force = belief.least_force(&self.settings.minimum_force);
             for axis in (0..D).filter(|&axis| signs[axis] != 0.0 && belief.asks_for_force(axis)) {
-                let minimum_force = self.settings.minimum_force[axis];
+                let minimum_force = least_force[axis];
                 minimum[axis] = match self.settings.lower_bound {
                     LowerBound::Always => minimum_force,
                     LowerBound::OnceReached if leaves => f64::NEG_INFINITY,

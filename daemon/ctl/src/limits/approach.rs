@@ -108,6 +108,8 @@ impl Approach {
             surface: Some(SurfaceSection {
                 point_m: self.pose.tcp_position_m,
                 normal: self.normal,
+                curvature_1_m: 0.0,
+                axis: [0.0; 3],
                 stiffness_n_m: config.environment.normal_stiffness_n_m,
                 damping_n_s_m: 0.0,
                 maxwell_stiffness_n_m: None,

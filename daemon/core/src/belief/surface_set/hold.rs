@@ -14,16 +14,20 @@ const M: usize = 0;
 const K: usize = 1;
 const THETA: usize = 2;
 const SLOPE: usize = 3;
+const BEND: usize = 4;
+const STATES: usize = 5;
 
 /// How the contact depth drifts, m/√s, and m/√m of path: creep, warmth, roughness.
 const DRIFT: f64 = 1e-5;
 const ROUGHNESS: f64 = 1e-5;
 /// How the stiffness changes along the path, as a part of it, 1/√m.
 const OTHER_MATERIAL: f64 = 0.3;
-/// How the slope of the surface along the path changes, 1/√m: a plane, and where the normal is
-/// learned a curved surface, the slope of which may turn by so much in a metre.
+/// How the slope of the surface along the path changes, 1/√m.
 const CURVING: f64 = 0.02;
-const CURVED: f64 = 0.3;
+/// Where the normal is learned, what curves it: one deviation at first, rad/m, and how that changes,
+/// rad/m/√m.
+const BENT: f64 = 5.0;
+const BENDING: f64 = 5.0;
 /// Normalised innovations squared, smoothed over so many samples, above which something has
 /// changed at once.
 const SMOOTHED: f64 = 8.0;
@@ -43,8 +47,8 @@ pub(super) struct Hold {
     datum: f64,
     /// Which way the slope is counted, base frame; zero until the tool slides.
     heading: Vector3<f64>,
-    state: SVector<f64, 4>,
-    covariance: SMatrix<f64, 4, 4>,
+    state: SVector<f64, STATES>,
+    covariance: SMatrix<f64, STATES, STATES>,
     innovation: f64,
     /// What f̂ was expected to show of the last sample, N.
     expected: f64,
@@ -61,11 +65,14 @@ impl Hold {
         (k, theta): (f64, f64),
         tuning: &Tuning,
     ) -> Self {
-        let by_slope = SVector::<f64, 4>::new(0.0, k, theta, 1.0);
+        let by_slope = SVector::<f64, STATES>::new(0.0, k, theta, 1.0, 0.0);
         let mut covariance = by_slope * by_slope.transpose() * (tuning.slope * tuning.slope);
         let mut told = covariance.fixed_view_mut::<3, 3>(0, 0);
         told += known;
-        let state = SVector::<f64, 4>::new(mean[M], mean[K], mean[THETA], 0.0);
+        if tuning.learns_normal {
+            covariance[(BEND, BEND)] = BENT * BENT;
+        }
+        let state = SVector::<f64, STATES>::new(mean[M], mean[K], mean[THETA], 0.0, 0.0);
         Self { datum, heading: Vector3::zeros(), state, covariance, innovation: 1.0, expected: mean[M], away: 0.0 }
     }
 
@@ -101,7 +108,12 @@ impl Hold {
             self.state[SLOPE] *= kept;
             self.covariance.row_mut(SLOPE).scale_mut(kept);
             self.covariance.column_mut(SLOPE).scale_mut(kept);
-            self.covariance[(SLOPE, SLOPE)] += (1.0 - kept * kept).max(0.0) * tuning.slope * tuning.slope;
+            self.state[BEND] *= kept * kept;
+            self.covariance.row_mut(BEND).scale_mut(kept * kept);
+            self.covariance.column_mut(BEND).scale_mut(kept * kept);
+            let lost = (1.0 - kept * kept).max(0.0);
+            self.covariance[(SLOPE, SLOPE)] += lost * tuning.slope * tuning.slope;
+            self.covariance[(BEND, BEND)] += lost * BENT * BENT;
         }
         self.heading = heading;
     }
@@ -112,6 +124,11 @@ impl Hold {
         let tilt = self.heading * self.state[SLOPE];
         self.state[SLOPE] = 0.0;
         tilt
+    }
+
+    /// How fast the normal turns along the path, rad/m: above zero the surface falls away.
+    pub(super) fn bend(&self) -> f64 {
+        self.state[BEND]
     }
 
     /// Counts depths from elsewhere: each is `shift` m more from now on.
@@ -130,9 +147,10 @@ impl Hold {
         let k = self.state[K];
         // Where the likeliest surface is not touched f̂ fades.
         let touches = if k * (way.end() - self.datum) > self.state[THETA] { 1.0 } else { 0.0 };
-        let mut step = SMatrix::<f64, 4, 4>::identity();
+        let mut step = SMatrix::<f64, STATES, STATES>::identity();
         (step[(M, M)], step[(M, K)], step[(M, THETA)]) = (left, touches * response, -touches * (1.0 - left));
         step[(THETA, SLOPE)] = k * way.along();
+        (step[(THETA, BEND)], step[(SLOPE, BEND)]) = (0.5 * k * way.along() * way.along(), way.along());
         self.state = step * self.state;
         self.covariance = step * self.covariance * step.transpose();
         let (time, path) = (way.duration(), way.along());
@@ -144,8 +162,10 @@ impl Hold {
         self.covariance[(K, K)] += stiffness;
         self.covariance[(K, THETA)] += stiffness * at;
         self.covariance[(THETA, K)] += stiffness * at;
-        let curving = if tuning.learns_normal { CURVED } else { CURVING };
-        self.covariance[(SLOPE, SLOPE)] += curving * curving * path;
+        self.covariance[(SLOPE, SLOPE)] += CURVING * CURVING * path;
+        if tuning.learns_normal {
+            self.covariance[(BEND, BEND)] += BENDING * BENDING * path;
+        }
     }
 
     /// Of a force `beside` along the path, friction, a slope shows a part in what is taken for the
@@ -190,6 +210,15 @@ impl Hold {
         if missing != 0.0 && self.covariance[(SLOPE, SLOPE)] > 0.0 {
             self.state += self.covariance.column(SLOPE) * (missing / self.covariance[(SLOPE, SLOPE)]);
         }
+    }
+
+    /// The same where the tool will be after a path of this length (m) along the surface: what is not
+    /// known of its slope is not known of its depth there.
+    pub(super) fn ahead(&self, path: f64) -> Self {
+        let mut step = SMatrix::<f64, STATES, STATES>::identity();
+        step[(THETA, SLOPE)] = self.state[K] * path;
+        step[(THETA, BEND)] = 0.5 * self.state[K] * path * path;
+        Self { state: step * self.state, covariance: step * self.covariance * step.transpose(), ..*self }
     }
 
     /// The likeliest surface.

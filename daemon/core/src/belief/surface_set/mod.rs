@@ -41,8 +41,6 @@ const FLOOR_PART: f64 = 0.005;
 const FADING_PART: f64 = 0.2;
 /// How long a touch takes from when it was noticed beyond the lag of f̂, s.
 const TOUCH: f64 = 0.020;
-/// The same where the normal is not known either: a touch knows of no slope.
-const TOUCH_TILTED: f64 = 0.003;
 /// Slope of a surface whose normal is told.
 const TOLD_SLOPE: f64 = 0.002;
 /// Largest tolerance of a normal is so many deviations of the slope.
@@ -117,9 +115,10 @@ pub(crate) struct SurfaceSet {
 }
 
 impl Tuning {
-    /// How long a touch takes from when it was noticed, s.
+    /// How long a touch takes from when it was noticed, s. It knows of no slope: where there may be one,
+    /// it ends as soon as it is certain.
     fn touch(&self) -> f64 {
-        if self.learns_normal { TOUCH_TILTED } else { TOUCH + self.lag }
+        if self.learns_normal { 0.0 } else { TOUCH + self.lag }
     }
 }
 
@@ -278,6 +277,11 @@ impl SurfaceSet {
         self.tuning.learns_normal
     }
 
+    /// How fast the normal turns along the path, rad/m: above zero the surface falls away.
+    pub(crate) fn bend(&self) -> f64 {
+        if let Stage::Hold(hold) = &self.stage { hold.bend() } else { 0.0 }
+    }
+
     /// Whether the normal that was learned still holds.
     pub(crate) fn remembers_normal(&self) -> bool {
         matches!(self.stage, Stage::Hold(_)) || self.remembered > 0.0 || self.likeliest().is_some()
@@ -322,23 +326,41 @@ impl SurfaceSet {
         self.risk
     }
 
-    /// The least and greatest depth at which a surface of the set presses with `force` (N).
-    pub(crate) fn depths_of(&self, force: f64, deviations: f64) -> (f64, f64) {
-        let Spring { depth, stiffness } = self.likeliest().unwrap_or(self.unexplained);
-        let likeliest = depth + force / stiffness;
-        match &self.stage {
-            Stage::Touch(touch) => touch.depths_of(force, deviations, &self.tuning.range),
-            Stage::Hold(hold) => Some(hold.depths_of(force, deviations, &self.tuning.range)),
-        }
-        .unwrap_or((likeliest, likeliest))
+    /// By how much the surface may be deeper or less deep after a path of this length (m) than where
+    /// it was touched: one deviation, m.
+    fn sloping(&self, path: f64) -> f64 {
+        if self.tuning.learns_normal { self.tuning.slope * path } else { 0.0 }
     }
 
-    /// The greatest force in N at `depth` of a surface of the set.
-    pub(crate) fn strongest(&self, depth: f64, deviations: f64) -> f64 {
+    /// What is held, after a path of this length (m).
+    fn held(&self, hold: &Hold, path: f64) -> Hold {
+        if self.tuning.learns_normal && path > 0.0 { hold.ahead(path) } else { *hold }
+    }
+
+    /// The least and greatest depth at which a surface of the set presses with `force` (N), where the
+    /// tool is after a `path` (m) along it.
+    pub(crate) fn depths_of(&self, force: f64, deviations: f64, path: f64) -> (f64, f64) {
+        let Spring { depth, stiffness } = self.likeliest().unwrap_or(self.unexplained);
+        let likeliest = depth + force / stiffness;
+        let (least, most) = match &self.stage {
+            Stage::Touch(touch) => {
+                let besides = deviations * self.sloping(path);
+                touch.depths_of(force, deviations, &self.tuning.range).map(|(a, b)| (a - besides, b + besides))
+            }
+            Stage::Hold(hold) => Some(self.held(hold, path).depths_of(force, deviations, &self.tuning.range)),
+        }
+        .unwrap_or((likeliest, likeliest));
+        (least, most)
+    }
+
+    /// The greatest force in N at `depth` of a surface of the set, after a `path` (m) along it.
+    pub(crate) fn strongest(&self, depth: f64, deviations: f64, path: f64) -> f64 {
         let spring = self.likeliest().unwrap_or(self.unexplained);
         match &self.stage {
-            Stage::Touch(touch) => touch.strongest(depth, deviations, &self.tuning.range),
-            Stage::Hold(hold) => Some(hold.strongest(depth, deviations)),
+            Stage::Touch(touch) => {
+                touch.strongest(depth + deviations * self.sloping(path), deviations, &self.tuning.range)
+            }
+            Stage::Hold(hold) => Some(self.held(hold, path).strongest(depth, deviations)),
         }
         .unwrap_or(spring.stiffness * (depth - spring.depth))
     }
@@ -347,15 +369,18 @@ impl SurfaceSet {
     /// samples it is higher than at either, and what is believed has far less noise than f̂ without its
     /// lag.
     pub(crate) fn has_exceeded(&self, force: f64) -> bool {
-        self.share_above(force, self.deepest) > 0.5
+        self.share_above(force, self.deepest, 0.0) > 0.5
     }
 
-    /// How likely a surface is that presses with more than `force` (N) at `depth`.
-    pub(crate) fn share_above(&self, force: f64, depth: f64) -> f64 {
+    /// How likely a surface is that presses with more than `force` (N) at `depth`, after a `path` (m)
+    /// along it.
+    pub(crate) fn share_above(&self, force: f64, depth: f64, path: f64) -> f64 {
         match &self.stage {
-            Stage::Touch(touch) if touch.found().is_some() => touch.share_above(force, depth, &self.tuning.range),
+            Stage::Touch(touch) if touch.found().is_some() => {
+                touch.share_above(force, depth, self.sloping(path), &self.tuning.range)
+            }
             Stage::Touch(_) => 0.0,
-            Stage::Hold(hold) => hold.share_above(force, depth),
+            Stage::Hold(hold) => self.held(hold, path).share_above(force, depth),
         }
     }
 

@@ -134,7 +134,7 @@ fn the_set_of_a_touch_is_that_of_a_grid() {
         let inside = || costs.iter().filter(|(_, _, cost)| *cost <= best + z * z * scale);
         let least = inside().map(|(k, c, _)| c + force / k).fold(f64::INFINITY, f64::min);
         let most = inside().map(|(k, c, _)| c + force / k).fold(f64::NEG_INFINITY, f64::max);
-        let (low, high) = set.depths_of(force, z);
+        let (low, high) = set.depths_of(force, z, 0.0);
         // Between two nodes the response is a straight line: 2 % of the force at most.
         let near = 0.1 * (most - least) + 0.02 * force / stiffness;
         assert!((low - least).abs() < near, "k {stiffness}: {low} {least}, {near}");
@@ -142,7 +142,7 @@ fn the_set_of_a_touch_is_that_of_a_grid() {
         assert!(low <= world.begins + force / stiffness && world.begins + force / stiffness <= high);
         let deepest = world.begins + 0.8 * force / stiffness;
         let strongest = inside().map(|(k, c, _)| k * (deepest - c)).fold(f64::NEG_INFINITY, f64::max);
-        let (found, wide) = (set.strongest(deepest, z), 0.1 * force + 0.1 * strongest);
+        let (found, wide) = (set.strongest(deepest, z, 0.0), 0.1 * force + 0.1 * strongest);
         assert!((found - strongest).abs() < wide, "{found} {strongest}");
         // Shares: weights exp(−cost/2) on a grid even in k and in c.
         let (mut all, mut above) = (0.0, 0.0);
@@ -151,7 +151,7 @@ fn the_set_of_a_touch_is_that_of_a_grid() {
             all += weight;
             above += if k * (deepest - c) > 0.8 * force { weight } else { 0.0 };
         }
-        let share = set.share_above(0.8 * force, deepest);
+        let share = set.share_above(0.8 * force, deepest, 0.0);
         assert!((share - above / all).abs() < 0.2, "{share} {}", above / all);
         assert!(spring.stiffness >= 1e4 && spring.stiffness <= 5e5);
     }
@@ -195,7 +195,7 @@ fn a_held_surface_is_followed() {
         let (force, exact) = (spring.stiffness * (at - spring.depth), 1e5 * depth);
         assert!((force - exact).abs() < 1.0, "creep {creep} m: {force} {exact} {spring:?}");
         assert!((spring.stiffness / 1e5 - 1.0).abs() < 0.2, "{spring:?}");
-        let (least, most) = set.depths_of(exact, 3.0);
+        let (least, most) = set.depths_of(exact, 3.0, 0.0);
         assert!(least < at && at < most && most - least < 1e-4, "{least} {most}");
     }
 }

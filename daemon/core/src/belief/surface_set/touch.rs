@@ -285,8 +285,9 @@ impl Touch {
     }
 
     /// How likely a surface is that presses with more than `force` (N) at `depth`: every cell with
-    /// its likelihood, within a cell by the normal distribution about its best surface.
-    pub(super) fn share_above(&self, force: f64, depth: f64, range: &Range) -> f64 {
+    /// its likelihood, within a cell by the normal distribution about its best surface, which may be
+    /// deeper or less deep by `besides` (one deviation, m).
+    pub(super) fn share_above(&self, force: f64, depth: f64, besides: f64, range: &Range) -> f64 {
         let Some(found) = self.found() else { return 1.0 };
         let scale = self.scale(found.cost);
         let (mut all, mut above) = (0.0, 0.0);
@@ -294,7 +295,9 @@ impl Touch {
             let weight = libm::exp(-0.5 * (best.cost - found.cost) / scale);
             let [a, b] = best.weights;
             let expected = a * (depth - cell.depth[0]) + b * (depth - cell.depth[1]);
-            let deviation = cell.force_variance(depth).map_or(0.0, |variance| libm::sqrt(variance.max(0.0) * scale));
+            let variance = cell.force_variance(depth).map_or(0.0, |variance| variance.max(0.0) * scale);
+            let by_depth = (a + b) * besides;
+            let deviation = libm::sqrt(variance + by_depth * by_depth);
             all += weight;
             above += weight * super::normal::above(force - expected, deviation);
         }

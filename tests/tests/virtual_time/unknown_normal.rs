@@ -1,0 +1,103 @@
+//! A surface whose normal is told with a tolerance, in virtual time: the tool slides over it as if
+//! the normal had been told, plane or cylinder, with friction and without.
+
+use admittance_runner::config::ContactPointName;
+use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
+use ipc_types::StopReason;
+
+/// How fast the tool approaches, and then slides, m/s; the phases of the motion in s.
+const SPEED: f64 = 0.1;
+const APPROACH_S: f64 = 0.25;
+const SLIDE_S: f64 = 1.0;
+/// From when on the force has settled, s.
+const SETTLED_S: f64 = 0.6;
+/// The force that is asked for along the told normal, N.
+const ASKED_N: f64 = 20.0;
+
+/// What the surface is and nobody told.
+#[derive(Debug, Clone, Copy)]
+struct Surface {
+    tilt_deg: f64,
+    curvature_1_m: f64,
+    friction: f64,
+}
+
+/// An approach along the told normal, and a slide along the surface as it was told, towards +x or −x.
+fn slide(surface: Surface, sampling_time: f64, side: f64) -> Experiment {
+    let [x, y] = NORMAL;
+    let along = [side * SPEED * y, -side * SPEED * x];
+    let mut experiment = Experiment::paper(sampling_time, SPEED)
+        .with_motion(&[(APPROACH_S, &[-SPEED * x, -SPEED * y]), (SLIDE_S, &along)]);
+    let environment = &mut experiment.config.environment;
+    environment.stiffness_range_n_m = Some([3e4, 3e5]);
+    (environment.contact, environment.contact_point_m) = (ContactPointName::Detected, None);
+    (environment.normal_tolerance_rad, environment.wrench_noise_n) = (10f64.to_radians(), 0.5);
+    experiment.config.contact.normal_force_reference_n = ASKED_N;
+    experiment.config.mpc.inputs_per_cycle = if sampling_time > 0.002 { 8 } else { 2 };
+    experiment.scenario.noise.wrench = 0.5;
+    let (sin, cos) = surface.tilt_deg.to_radians().sin_cos();
+    let is = experiment.scenario.surface.as_mut().expect("a surface");
+    is.normal = [cos * x + sin * y, cos * y - sin * x, 0.0];
+    (is.curvature_1_m, is.friction) = (surface.curvature_1_m, surface.friction);
+    experiment
+}
+
+/// The outward normal where the tool is.
+fn normal_at(experiment: &Experiment, position: [f64; 3]) -> [f64; 2] {
+    let surface = experiment.scenario.surface.as_ref().expect("a surface");
+    let bent = |axis: usize| surface.normal[axis] + surface.curvature_1_m * (position[axis] - surface.point_m[axis]);
+    let length = bent(0).hypot(bent(1));
+    [bent(0) / length, bent(1) / length]
+}
+
+/// Neither chatter nor a stop; the force as it is asked, and the speed along the true surface.
+fn slides_as_told(what: &str, experiment: &Experiment) {
+    let run: Run = experiment.run();
+    let last = run.instants.last().expect("a run");
+    let settles = |at: &&Instant| at.time() > SETTLED_S && at.state.twist_reference[0] != 0.0;
+    let settled: Vec<_> = run.instants.iter().filter(settles).collect();
+    let forces = || settled.iter().map(|at| at.truth.normal_force_n);
+    let (least, most) = (forces().fold(f64::INFINITY, f64::min), forces().fold(0.0, f64::max));
+    let mean = forces().sum::<f64>() / settled.len() as f64;
+    let along = |at: &[f64], n: [f64; 2]| n[1] * at[0] - n[0] * at[1];
+    let part = settled.iter().map(|at| {
+        let normal = normal_at(experiment, at.truth.tcp_position);
+        along(&at.truth.tcp_twist, normal) / along(&at.state.twist_reference, normal)
+    });
+    let (slowest, fastest) = part.fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), x| (least.min(x), most.max(x)));
+    println!(
+        "{what}: {} losses, force {least:.1} to {most:.1} N, mean {mean:.2}; speed {slowest:.3} to {fastest:.3}; {:?}",
+        last.truth.contact_losses, last.command.stop_reason
+    );
+    assert_eq!(last.command.stop_reason, StopReason::NONE, "{what}");
+    assert_eq!((last.truth.contact_losses, last.truth.in_contact), (0, 1), "{what}");
+    assert!((mean - ASKED_N).abs() <= 1.0, "{what}: {mean} N");
+    assert!(least > 0.5 * ASKED_N && most < 1.5 * ASKED_N, "{what}: {least} to {most} N");
+    assert!(slowest > 0.97 && fastest < 1.03, "{what}: {slowest} to {fastest}");
+}
+
+#[test]
+fn ten_degrees_of_tilt_are_learned() {
+    for sampling_time in [0.001, 0.004] {
+        for tilt_deg in [-10.0, -5.0, 0.5, 10.0] {
+            for (friction, side) in [(0.0, 1.0), (0.5, 1.0), (0.5, -1.0)] {
+                let surface = Surface { tilt_deg, curvature_1_m: 0.0, friction };
+                let what = format!("{} ms, {surface:?}, {side}", sampling_time * 1e3);
+                slides_as_told(&what, &slide(surface, sampling_time, side));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cylinder_is_followed() {
+    for sampling_time in [0.001, 0.004] {
+        for curvature_1_m in [5.0, -5.0] {
+            for friction in [0.0, 0.5] {
+                let surface = Surface { tilt_deg: 0.0, curvature_1_m, friction };
+                let what = format!("{} ms, {surface:?}", sampling_time * 1e3);
+                slides_as_told(&what, &slide(surface, sampling_time, 1.0));
+            }
+        }
+    }
+}
