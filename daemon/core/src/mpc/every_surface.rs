@@ -33,8 +33,8 @@ const MOST_MINIMUM: f64 = 0.7;
 pub(super) struct SetBounds {
     /// Upper bound along the normal, N of the likeliest surface.
     pub maximum: f64,
-    /// By how much the tool is deeper now than where the first surface reaches f_max, N of the
-    /// likeliest surface.
+    /// By how much the tool is deeper now than where the first surface reaches f_max before it could be
+    /// back, N of the likeliest surface.
     excess: f64,
     /// What can't be kept.
     pub risk: Option<Risk>,
@@ -93,7 +93,7 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
         stops: share > set.risk(),
         is_hopeless: set.depths_of(limit, HOPELESS, path).1 < deepest_depth,
     };
-    let excess = scaled_now(situation) - reached;
+    let excess = scaled_now(situation) - shown(set.depths_of(limit, SURE, BACK * speed_along(situation)).0);
     Some(SetBounds { maximum: helped, risk: Some(risk), excess })
 }
 

@@ -27,7 +27,7 @@ const CURVING: f64 = 0.02;
 /// Where the normal is learned, what curves it: one deviation at first, rad/m, and how that changes,
 /// rad/m/√m.
 const BENT: f64 = 5.0;
-const BENDING: f64 = 5.0;
+const BENDING: f64 = 1.0;
 /// Normalised innovations squared, smoothed over so many samples, above which something has
 /// changed at once.
 const SMOOTHED: f64 = 8.0;
