@@ -191,6 +191,10 @@ pub(crate) fn status_sentence(last: Option<&CycleRecord>) -> String {
     if least < most && command.mode == Mode::Contact.code() {
         let stiffness = record.sample.believed_stiffness_n_m;
         text += &format!(", on a surface of {stiffness:.0} N/m ({least:.0} to {most:.0})");
+        let tilt = record.sample.believed_tilt_rad().to_degrees();
+        if tilt >= 0.05 {
+            text += &format!(", tilted by {tilt:.1} degrees");
+        }
     }
     if command.verdict == Verdict::AtRisk.code() && command.mode == Mode::Contact.code() {
         text += &format!(", at risk: up to {:.1} N above the limit", -command.verdict_margin);

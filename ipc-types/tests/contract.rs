@@ -48,7 +48,7 @@ fn compiled_layouts() -> Vec<Compiled> {
             contact_point wrench law reserved force_limit wrench_bias normal_stiffness_n_m surface_normal
             belief_uncertainty_n expected_pressing_n expected_spring_n expected_stamp_ns tool_acceleration
             joint_velocity joint_acceleration state command exceeded_count wrench_without_lag
-            believed_stiffness_n_m believed_stiffness_band_n_m),
+            believed_stiffness_n_m believed_stiffness_band_n_m believed_normal),
         compiled!(DiagnosticsSample v 3: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
             late_count missed_count rejected_count limited_count dropped_count contact_losses solver_failures mode motion
             stop_reason active_axes verdict verdict_axis verdict_side task_axes verdict_margin verdict_time_s wrench

@@ -152,9 +152,19 @@ impl Experiment {
             let step = run.step_in_time(|asked| expired(&state, asked)).expect("the plant takes every command");
             let Some(Step { state, command, report, truth, .. }) = step else { break };
             let belief = run.cycle.belief();
-            let (contact_point, stiffness) = (belief.contact_point.into(), belief.stiffness);
+            let (contact_point, normal, stiffness) =
+                (belief.contact_point.into(), belief.normal.into(), belief.stiffness);
             let tool_acceleration = run.cycle.tool_acceleration();
-            instants.push(Instant { state, command, report, truth, contact_point, stiffness, tool_acceleration });
+            instants.push(Instant {
+                state,
+                command,
+                report,
+                truth,
+                contact_point,
+                normal,
+                stiffness,
+                tool_acceleration,
+            });
         }
         let normal = self.scenario.surface.as_ref().map_or([0.0; 3], |surface| surface.normal);
         Run { instants, counters: run.cycle.counters(), normal, sampling_time: self.scenario.timing.sampling_time_s }
@@ -182,6 +192,8 @@ pub struct Instant {
     pub truth: TruthSample,
     /// Where the controller believes the surface to be, m.
     pub contact_point: [f64; 3],
+    /// Its outward normal as it is believed to be.
+    pub normal: [f64; 3],
     /// The stiffness as it is believed to be, N/m.
     pub stiffness: f64,
     /// What the wrench shows of the tool's acceleration, m/s² and m²/s².

@@ -138,6 +138,7 @@ impl dyn Cycle + '_ {
         record.belief_uncertainty_n = belief.uncertainty;
         record.believed_stiffness_n_m = belief.stiffness;
         record.believed_stiffness_band_n_m = belief.stiffness_band.into();
+        record.believed_normal = belief.normal.into();
         record.expected_pressing_n = belief.expected.pressing;
         record.expected_spring_n = belief.expected.spring;
         record.expected_stamp_ns = belief.expected.stamp.nanoseconds();
@@ -168,7 +169,9 @@ impl Memory {
         };
         let (contact_point, uncertainty) = (record.contact_point.into(), record.belief_uncertainty_n);
         let (stiffness, [least, most]) = (record.believed_stiffness_n_m, record.believed_stiffness_band_n_m);
-        let belief = Snapshot { contact_point, uncertainty, expected, stiffness, stiffness_band: (least, most) };
+        let normal = record.believed_normal.into();
+        let belief =
+            Snapshot { contact_point, normal, uncertainty, expected, stiffness, stiffness_band: (least, most) };
         let joint_motion = [record.joint_velocity, record.joint_acceleration];
         Self { belief, tool_acceleration: record.tool_acceleration, joint_motion }
     }

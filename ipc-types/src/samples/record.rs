@@ -8,7 +8,7 @@ use crate::{MAX_JOINTS, TASK_AXES};
 wire_sample! {
     /// Inputs and outputs of the daemon's law: everything that a replay or an inspection of a cycle
     /// needs.
-    struct RecordSample: "admittanced.RecordSample.v4", size 3040, writer "admittanced (service thread)" {
+    struct RecordSample: "admittanced.RecordSample.v4", size 3064, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every record"]
             "Number of this record; a reader that sees a gap has lost records. Restarts at 1 with a new boot_id.";
         8 now_ns: u64 ["ns", "CLOCK_MONOTONIC, not decreasing"]
@@ -96,5 +96,19 @@ wire_sample! {
         3024 believed_stiffness_band_n_m: [f64; 2] ["N/m", ">= 0"]
             "Least and greatest stiffness that it may be: one standard deviation where a range of it was told, and else that \
              stiffness.";
+        3040 believed_normal: [f64; 3] ["1", "finite"]
+            "Outward surface normal as it is believed to be after this cycle, base frame: surface_normal, unless a tolerance \
+             of it was told.";
+    }
+}
+
+impl RecordSample {
+    /// Angle in rad between the believed surface normal and the one that was told; 0 where a record does
+    /// not have one.
+    pub fn believed_tilt_rad(&self) -> f64 {
+        let length = |vector: &[f64; 3]| vector.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let ([a, b, c], [x, y, z]) = (self.believed_normal, self.surface_normal);
+        let across = length(&[b * z - c * y, c * x - a * z, a * y - b * x]);
+        across.atan2(a * x + b * y + c * z)
     }
 }

@@ -5,6 +5,9 @@ use admittance_runner::config::ContactPointName;
 use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
 use ipc_types::StopReason;
 
+const SIX_JOINT: &str = include_str!("../../../deploy/robots/six-joint.toml");
+const SIX_JOINT_SCENARIO: &str = include_str!("../../../plant-sim/scenarios/six-joint.toml");
+
 /// How fast the tool approaches, and then slides, m/s; the phases of the motion in s.
 const SPEED: f64 = 0.1;
 const APPROACH_S: f64 = 0.25;
@@ -42,6 +45,33 @@ fn slide(surface: Surface, sampling_time: f64, side: f64) -> Experiment {
     experiment
 }
 
+/// Six joints on a table that is tilted along and across their path, which is along x.
+fn six_joints_slide(along_deg: f64, across_deg: f64, friction: f64) {
+    let mut experiment = Experiment::new(SIX_JOINT, SIX_JOINT_SCENARIO, 0.001)
+        .with_motion(&[(APPROACH_S, &[0.0, 0.0, -SPEED, 0.0, 0.0, 0.0]), (SLIDE_S, &[SPEED, 0.0, 0.0, 0.0, 0.0, 0.0])]);
+    let environment = &mut experiment.config.environment;
+    environment.stiffness_range_n_m = Some([3e4, 3e5]);
+    (environment.contact, environment.contact_point_m) = (ContactPointName::Detected, None);
+    (environment.normal_tolerance_rad, environment.wrench_noise_n) = (10f64.to_radians(), 0.5);
+    experiment.config.contact.normal_force_reference_n = ASKED_N;
+    experiment.scenario.noise.wrench = 0.5;
+    let surface = experiment.scenario.surface.as_mut().expect("a surface");
+    surface.normal = [along_deg.to_radians().tan(), across_deg.to_radians().tan(), 1.0];
+    surface.friction = friction;
+    let run = experiment.run();
+    let what = format!("{along_deg}, {across_deg} degrees, friction {friction}");
+    let last = run.instants.last().expect("a run");
+    let surface = experiment.scenario.surface.as_ref().expect("a surface");
+    let length = surface.normal.iter().map(|part| part * part).sum::<f64>().sqrt();
+    let error = (0..3).map(|axis| (last.normal[axis] - surface.normal[axis] / length).abs()).fold(0.0, f64::max);
+    let (losses, force) = (last.truth.contact_losses, last.truth.normal_force_n);
+    println!("{what}: {losses} losses, {force:.2} N, the normal known within {error:.4} rad");
+    assert_eq!(last.command.stop_reason, StopReason::NONE, "{what}");
+    assert_eq!((losses, last.truth.in_contact), (0, 1), "{what}");
+    assert!((force - ASKED_N).abs() <= 1.0, "{what}: {force} N");
+    assert!(error < 0.005, "{what}: {error} rad");
+}
+
 /// The outward normal where the tool is.
 fn normal_at(experiment: &Experiment, position: [f64; 3]) -> [f64; 2] {
     let surface = experiment.scenario.surface.as_ref().expect("a surface");
@@ -64,7 +94,8 @@ fn slides_as_told(what: &str, experiment: &Experiment) {
         let normal = normal_at(experiment, at.truth.tcp_position);
         along(&at.truth.tcp_twist, normal) / along(&at.state.twist_reference, normal)
     });
-    let (slowest, fastest) = part.fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), x| (least.min(x), most.max(x)));
+    let (slowest, fastest) =
+        part.fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), x| (least.min(x), most.max(x)));
     println!(
         "{what}: {} losses, force {least:.1} to {most:.1} N, mean {mean:.2}; speed {slowest:.3} to {fastest:.3}; {:?}",
         last.truth.contact_losses, last.command.stop_reason
@@ -98,6 +129,15 @@ fn a_cylinder_is_followed() {
                 let what = format!("{} ms, {surface:?}", sampling_time * 1e3);
                 slides_as_told(&what, &slide(surface, sampling_time, 1.0));
             }
+        }
+    }
+}
+
+#[test]
+fn six_joints_learn_a_tilt_across_their_path_as_well() {
+    for (along_deg, across_deg) in [(10.0, 0.0), (0.0, 8.0), (-6.0, -6.0)] {
+        for friction in [0.0, 0.5] {
+            six_joints_slide(along_deg, across_deg, friction);
         }
     }
 }

@@ -51,7 +51,7 @@ pub(crate) use surface_set::SurfaceSet;
 pub(crate) use way::Way;
 
 use crate::intake::Accepted;
-use crate::quantities::{Instant, Span};
+use crate::quantities::{Instant, Span, linear_axes};
 use crate::surface::Surface;
 use detection::Detection;
 use lag_inverse::LagInverse;
@@ -87,6 +87,8 @@ pub enum ContactSign {
 pub struct Snapshot {
     /// A point of the surface, base frame, m.
     pub contact_point: Vector3<f64>,
+    /// Its outward normal, base frame; zero is the one that was told.
+    pub normal: Vector3<f64>,
     /// By how much the force may be wrong because the contact point is uncertain: two standard
     /// deviations, N.
     pub uncertainty: f64,
@@ -142,6 +144,9 @@ impl<const D: usize> Belief<D> {
         self.detection = Detection::with_uncertainty(snapshot.uncertainty);
         self.expected = snapshot.expected;
         if self.set.is_some() {
+            if snapshot.normal != Vector3::zeros() {
+                linear_axes::<D>().for_each(|axis| self.surface.normal[axis] = snapshot.normal[axis]);
+            }
             self.surface.become_spring(snapshot.stiffness, -self.surface.height(&snapshot.contact_point));
             self.surface.contact.position = snapshot.contact_point;
         }
@@ -152,7 +157,8 @@ impl<const D: usize> Belief<D> {
     /// Takes over the state of `old`, with these settings: a configured contact point replaces the
     /// old one.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: old_settings, signs: _, surface, contact, detection, expected, springs, lag_inverse, set } = old;
+        let Self { settings: old_settings, signs: _, surface, contact, detection, expected, springs, lag_inverse, set } =
+            old;
         if self.settings.contact_point != ContactPoint::Configured {
             self.surface.contact = surface.contact;
         }
@@ -338,6 +344,7 @@ impl<const D: usize> Belief<D> {
         let stiffness = self.surface.normal_stiffness();
         let stiffness_band = self.set.as_ref().map_or((stiffness, stiffness), SurfaceSet::stiffness_band);
         let contact_point = self.surface.contact.position;
-        Snapshot { contact_point, uncertainty, expected: self.expected, stiffness, stiffness_band }
+        let normal = self.surface.normal_direction();
+        Snapshot { contact_point, normal, uncertainty, expected: self.expected, stiffness, stiffness_band }
     }
 }

@@ -104,7 +104,8 @@ fn scaled_now<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -
 
 /// How fast the tool moves along the surface, m/s.
 fn speed_along<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -> f64 {
-    let (_, beside) = situation.belief.surface().parts(&(situation.sample.posture.jacobian() * situation.joints.velocity));
+    let (_, beside) =
+        situation.belief.surface().parts(&(situation.sample.posture.jacobian() * situation.joints.velocity));
     beside.norm()
 }
 

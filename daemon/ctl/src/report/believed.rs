@@ -23,6 +23,8 @@ struct Belief {
     /// Newtons above the limit of the worst surface that may be there, where some can't be kept.
     at_risk_n: Option<f64>,
     in_contact: bool,
+    /// Between the normal and the one that was told, degrees.
+    tilt_deg: f64,
 }
 
 /// All cycles in which there was a range; none where a stiffness was told.
@@ -36,16 +38,16 @@ impl Beliefs {
         if self.0.is_empty() && band_n_m[0] >= band_n_m[1] {
             return;
         }
-        let normal = record.surface_normal;
-        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+        let normal = record.believed_normal;
         let along: f64 = normal.iter().zip(record.contact_point).map(|(n, at)| n * at).sum();
         self.0.push(Belief {
             time_s,
             stiffness_n_m: record.believed_stiffness_n_m,
             band_n_m,
-            depth_m: -along / length,
+            depth_m: -along,
             at_risk_n: (command.verdict == Verdict::AtRisk.code()).then_some(-command.verdict_margin),
             in_contact: command.active_axes != 0,
+            tilt_deg: record.believed_tilt_rad().to_degrees(),
         });
     }
 
@@ -67,7 +69,11 @@ impl Beliefs {
         let known_ms = touched.get(unknown).map(|belief| 1e3 * (belief.time_s - touched[0].time_s));
         let at_risk: Vec<f64> = touched.iter().filter_map(|belief| belief.at_risk_n).collect();
         let [least, most] = last.band_n_m;
-        vec![
+        let tilt = touched.iter().any(|belief| belief.tilt_deg > 0.0).then(|| {
+            let what = "tilt believed at the end of the contact, against the normal that was told".to_owned();
+            (what, format!("{:.1} degrees", last.tilt_deg))
+        });
+        let rows = vec![
             (
                 "stiffness believed at the end of the contact in N/m (one standard deviation)".to_owned(),
                 format!("{:.0} ({least:.0} to {most:.0})", last.stiffness_n_m),
@@ -83,7 +89,8 @@ impl Beliefs {
                     None => "none".to_owned(),
                 },
             ),
-        ]
+        ];
+        rows.into_iter().chain(tilt).collect()
     }
 
     /// Stiffness with its band above the contact point; `None` where a stiffness was told.
@@ -125,7 +132,8 @@ mod tests {
     fn record(stiffness: f64, band: [f64; 2], depth_m: f64, verdict: Verdict) -> RecordSample {
         let mut record = RecordSample::default();
         (record.believed_stiffness_n_m, record.believed_stiffness_band_n_m) = (stiffness, band);
-        (record.surface_normal, record.contact_point) = ([0.0, 2.0, 0.0], [1.0, -depth_m, 0.0]);
+        (record.believed_normal, record.contact_point) = ([0.0, 1.0, 0.0], [1.0, -depth_m, 0.0]);
+        record.surface_normal = [0.1_f64.sin(), 0.1_f64.cos(), 0.0];
         (record.command.verdict, record.command.verdict_margin) = (verdict.code(), -7.5);
         record.command.active_axes = u32::from(verdict != Verdict::None);
         record
@@ -147,7 +155,7 @@ mod tests {
             beliefs.add(&record(stiffness, band, depth_m, verdict), f64::from(index) * 0.004);
         }
         let values: Vec<String> = beliefs.rows().into_iter().map(|(_, value)| value).collect();
-        assert_eq!(values, ["100000 (90000 to 110000)", "8.0 ms", "2, the worst by 7.5 N"]);
+        assert_eq!(values, ["100000 (90000 to 110000)", "8.0 ms", "2, the worst by 7.5 N", "5.7 degrees"]);
         let chart = beliefs.chart(-0.01..0.1).unwrap();
         assert_eq!(chart.panels[1].lines[0].points[1], (0.004, -1.0), "mm");
         chart.svg().unwrap();

@@ -153,7 +153,7 @@ impl Judge {
 
 /// Fields of a record that a reader relies on.
 fn not_finite(record: &RecordSample) -> Vec<&'static str> {
-    let fields: [(&str, &[f64]); 12] = [
+    let fields: [(&str, &[f64]); 13] = [
         ("contact_point", &record.contact_point),
         ("wrench", &record.wrench),
         ("force_limit", &record.force_limit),
@@ -166,6 +166,7 @@ fn not_finite(record: &RecordSample) -> Vec<&'static str> {
         ("wrench_without_lag", &record.wrench_without_lag),
         ("believed_stiffness_n_m", std::slice::from_ref(&record.believed_stiffness_n_m)),
         ("believed_stiffness_band_n_m", &record.believed_stiffness_band_n_m),
+        ("believed_normal", &record.believed_normal),
     ];
     let is_bad = |values: &[f64]| values.iter().any(|value| !value.is_finite());
     fields.into_iter().filter(|(_, values)| is_bad(values)).map(|(field, _)| field).collect()

@@ -47,6 +47,8 @@ pub(super) struct Hold {
     datum: f64,
     /// Which way the slope is counted, base frame; zero until the tool slides.
     heading: Vector3<f64>,
+    /// Tilt across the path that is not counted in the normal yet, base frame.
+    across: Vector3<f64>,
     state: SVector<f64, STATES>,
     covariance: SMatrix<f64, STATES, STATES>,
     innovation: f64,
@@ -73,7 +75,8 @@ impl Hold {
             covariance[(BEND, BEND)] = BENT * BENT;
         }
         let state = SVector::<f64, STATES>::new(mean[M], mean[K], mean[THETA], 0.0, 0.0);
-        Self { datum, heading: Vector3::zeros(), state, covariance, innovation: 1.0, expected: mean[M], away: 0.0 }
+        let (heading, across) = (Vector3::zeros(), Vector3::zeros());
+        Self { datum, heading, across, state, covariance, innovation: 1.0, expected: mean[M], away: 0.0 }
     }
 
     /// On to a sample at the end of `way` that shows a pressing `force` (N) and one along the surface,
@@ -87,10 +90,11 @@ impl Hold {
     ) {
         self.turn(&way.beside, tuning);
         self.predict(way, tuning);
-        let beside = if tuning.learns_normal { self.heading.dot(beside) } else { 0.0 };
-        self.correct(force, beside, weight, tuning);
+        let along = if tuning.learns_normal { self.heading.dot(beside) } else { 0.0 };
+        self.correct(force, along, weight, tuning);
         if tuning.learns_normal {
-            self.keep_slope(tilt.slopes(&self.heading, force, beside));
+            self.keep_slope(tilt.slopes(&self.heading, force, along));
+            self.across = tilt.across(&self.heading, way, (force, beside));
         }
         let is_away = self.force_at(way.end()) <= 0.0;
         self.away = if is_away { self.away + way.duration() } else { 0.0 };
@@ -121,8 +125,8 @@ impl Hold {
     /// What the surface is tilted by against the normal along which depths are counted, as a vector
     /// along it: from now on it is counted in the normal.
     pub(super) fn take_tilt(&mut self) -> Vector3<f64> {
-        let tilt = self.heading * self.state[SLOPE];
-        self.state[SLOPE] = 0.0;
+        let tilt = self.heading * self.state[SLOPE] + self.across;
+        (self.state[SLOPE], self.across) = (0.0, Vector3::zeros());
         tilt
     }
 

@@ -34,7 +34,10 @@ impl NotAsTold {
     /// The contact as it is, of which `told` is what the controller is told: the surface is tilted to
     /// either side, half of the time as far as it may be.
     pub(super) fn actual(&self, told: &Draw) -> Draw {
-        Draw { angle_rad: told.angle_rad + self.tilt_deg.to_radians() * (2.0 * side(told)).clamp(-1.0, 1.0), ..told.clone() }
+        Draw {
+            angle_rad: told.angle_rad + self.tilt_deg.to_radians() * (2.0 * side(told)).clamp(-1.0, 1.0),
+            ..told.clone()
+        }
     }
 
     /// The controller's configuration with it.
