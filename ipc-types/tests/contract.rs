@@ -43,7 +43,7 @@ fn compiled_layouts() -> Vec<Compiled> {
             text_length verdict_margin verdict_time_s wrench velocity_offset law enabled force_limit wrench_bias
             normal_stiffness_n_m surface_normal contact_point verdict_axis verdict_side
             believed_stiffness_n_m believed_stiffness_band_n_m text),
-        compiled!(RecordSample v 4: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
+        compiled!(RecordSample v 5: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
             dropped_count limited_count contact_losses kind iterations fault limited forced done stop_order enabled
             contact_point wrench law reserved force_limit wrench_bias normal_stiffness_n_m surface_normal
             belief_uncertainty_n expected_pressing_n expected_spring_n expected_stamp_ns tool_acceleration
@@ -172,7 +172,7 @@ fn a_changed_layout_needs_a_new_version_of_its_sample() {
         ("admittanced.TruthSample.v1", 0x7aeb_0f8a_3fab_11b8),
         ("admittanced.RequestSample.v1", 0x1f12_9cd2_b9c5_6793),
         ("admittanced.ResponseSample.v2", 0x2a8a_071e_1432_02bf),
-        ("admittanced.RecordSample.v4", 0xb1a1_64b9_6212_3fa0),
+        ("admittanced.RecordSample.v5", 0xe735_b625_2fa6_6d32),
         ("admittanced.DiagnosticsSample.v3", 0x7f71_89b5_83a8_bdf8),
     ];
     assert_eq!(found, known, "a sample changed: raise the version in its type name, then change its fingerprint here");

@@ -8,7 +8,7 @@ use crate::{MAX_JOINTS, TASK_AXES};
 wire_sample! {
     /// Inputs and outputs of the daemon's law: everything that a replay or an inspection of a cycle
     /// needs.
-    struct RecordSample: "admittanced.RecordSample.v4", size 3064, writer "admittanced (service thread)" {
+    struct RecordSample: "admittanced.RecordSample.v5", size 3064, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every record"]
             "Number of this record; a reader that sees a gap has lost records. Restarts at 1 with a new boot_id.";
         8 now_ns: u64 ["ns", "CLOCK_MONOTONIC, not decreasing"]

@@ -165,6 +165,7 @@ fn with_present_names(mut state: Value) -> Value {
 fn version_of(cycle: &Value) -> u32 {
     let has = |field: &str| cycle.get(field).is_some();
     match () {
+        () if has("believed_normal") => 6,
         () if has("believed_stiffness_n_m") => 5,
         () if has("wrench_without_lag") => {
             if cycle["kind"].is_string() {

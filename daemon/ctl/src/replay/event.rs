@@ -66,6 +66,8 @@ pub(super) fn copy_missing(version: u32, replayed: &mut RecordSample, record: &R
     if version < 5 {
         replayed.believed_stiffness_n_m = record.believed_stiffness_n_m;
         replayed.believed_stiffness_band_n_m = record.believed_stiffness_band_n_m;
+    }
+    if version < 6 {
         replayed.believed_normal = record.believed_normal;
     }
 }
