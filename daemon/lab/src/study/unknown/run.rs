@@ -36,7 +36,7 @@ pub(super) struct Seen {
     pub(super) resting_n: f64,
     /// Error of the force that is believed in then: that of the likeliest surface at the true depth.
     pub(super) believed_error_n: f64,
-    /// From when on after the first active sample the surface was known, s.
+    /// From when on after the first active sample the surface was known, where the tool was, s.
     pub(super) known_after_s: Option<f64>,
 }
 
@@ -87,8 +87,11 @@ pub(super) fn run(
         seen.safe_cycles += u32::from(command.verdict == Verdict::Feasible.code());
         seen.at_risk_cycles += u32::from(command.verdict == Verdict::AtRisk.code());
         let belief = run.cycle.belief();
-        let at: [f64; 3] = belief.contact_point.into();
-        let error_m: f64 = (0..2).map(|axis| normal[axis] * (at[axis] - point[axis])).sum();
+        // Where the tool is, so that a normal that was learned counts as one that was told.
+        let depth = |normal: &[f64], point: &[f64]| -> f64 {
+            (0..2).map(|axis| normal[axis] * (point[axis] - truth.tcp_position[axis])).sum()
+        };
+        let error_m = depth(belief.normal.as_slice(), belief.contact_point.as_slice()) - depth(&normal, &point);
         let ratio = belief.stiffness / draw.stiffness_n_m;
         let is_known = (ratio - 1.0).abs() <= KNOWN_PART && error_m.abs() <= KNOWN_M;
         let believed = belief.stiffness * (truth.normal_force_n / draw.stiffness_n_m + error_m);
