@@ -47,7 +47,7 @@ config_section! {
 }
 
 config_section! {
-    /// What the TCP may touch: a plane.
+    /// What the TCP may touch: a plane or a cylinder.
     pub struct SurfaceSection {
         /// A point of the undeformed surface, base frame.
         point_m: [f64; 3], unit "m", range -100.0..=100.0;

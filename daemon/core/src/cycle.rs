@@ -135,7 +135,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
                 let free = supervisor.free_offset(sample, belief);
                 output.go_on(sample, belief.contact().is_any(), supervisor.is_enabled(), &free)
             }
-            Mode::Stopping(_) | Mode::Stopped(_) => output.hold_or_retreat(sample, belief.surface()),
+            Mode::Stopping(_) | Mode::Stopped(_) => {
+                output.hold_or_retreat(sample, |twist, speed| belief.retreat_along(twist, speed))
+            }
         });
         output.send(sample.stamp, &movement);
         self.answer(movement, &predicted, None)

@@ -141,3 +141,44 @@ fn six_joints_learn_a_tilt_across_their_path_as_well() {
         }
     }
 }
+
+/// 10 cm from the point that is told the surface is 18 mm deeper, or less deep: far beyond the tolerance of
+/// the point, and within what a tilt makes of it. It was not believed in, and nothing bounded the force.
+#[test]
+fn a_point_told_with_a_tolerance_is_one_of_a_tilted_surface() {
+    for tilt_deg in [-10.0, 10.0] {
+        for away in [-0.1, 0.1] {
+            let surface = Surface { tilt_deg, curvature_1_m: 0.0, friction: 0.3 };
+            let mut experiment = slide(surface, 0.001, 1.0);
+            let is = experiment.scenario.surface.as_ref().expect("a surface");
+            let ([x, y], [at_x, at_y, _]) = (NORMAL, is.point_m);
+            // On the surface as it is, so that the point itself is right.
+            let told = [at_x + away * is.normal[1], at_y - away * is.normal[0], 0.0];
+            let off = (told[0] - at_x) * x + (told[1] - at_y) * y;
+            assert!(off.abs() > 0.017, "{off} m");
+            let environment = &mut experiment.config.environment;
+            (environment.contact, environment.contact_point_m) = (ContactPointName::Configured, Some(told));
+            environment.contact_tolerance_m = Some(0.001);
+            slides_as_told(&format!("{surface:?}, told {away} m away"), &experiment);
+        }
+    }
+}
+
+#[test]
+fn a_normal_is_remembered_for_a_second() {
+    let [x, y] = NORMAL;
+    let mut experiment = slide(Surface { tilt_deg: 8.0, curvature_1_m: 0.0, friction: 0.3 }, 0.001, 1.0);
+    let away = [0.1 * x, 0.1 * y];
+    let motion: [(f64, &[f64]); 4] =
+        [(APPROACH_S, &[-SPEED * x, -SPEED * y]), (0.3, &[SPEED * y, -SPEED * x]), (0.2, &away), (1.3, &[0.0, 0.0])];
+    experiment = experiment.with_motion(&motion);
+    let run = experiment.run();
+    let told = [x, y, 0.0];
+    let tilt = |at: &Instant| (0..3).map(|axis| (at.normal[axis] - told[axis]).powi(2)).sum::<f64>().sqrt();
+    let last = run.instants.iter().rposition(|at| at.truth.in_contact == 1).expect("a contact");
+    let after = |seconds: f64| &run.instants[last + (seconds * 1000.0) as usize];
+    assert!((tilt(after(0.5)) - 8.0_f64.to_radians()).abs() < 0.01, "{}", tilt(after(0.5)));
+    assert!(tilt(after(1.2)) < 1e-12, "{}", tilt(after(1.2)));
+    // What is left of it is the spring along the normal that holds.
+    assert!(run.instants.iter().all(|at| at.stiffness.is_finite() && at.stiffness > 2.9e4));
+}

@@ -64,6 +64,13 @@ impl<const D: usize> SurfaceSigns<D> {
         Self(core::array::from_fn(|axis| sign(normal[axis])))
     }
 
+    /// Those of a normal that was learned: as they were told, unless it says otherwise.
+    pub(crate) fn learned(&self, normal: &SVector<f64, D>) -> Self {
+        let learned = Self::of(normal);
+        let is_as_told = |axis: usize| self.0[axis] * normal[axis] < 0.0;
+        Self(core::array::from_fn(|axis| if is_as_told(axis) { self.0[axis] } else { learned.0[axis] }))
+    }
+
     /// s of an axis; `None` where the normal has hardly a component.
     pub(crate) fn sign(&self, axis: usize) -> Option<f64> {
         (self.0[axis] != 0.0).then_some(self.0[axis])

@@ -4,20 +4,28 @@ use nalgebra::SVector;
 
 use super::{Belief, SurfaceSet, Way};
 use crate::intake::Accepted;
+use crate::surface::Surface;
 
 impl<const D: usize> Belief<D> {
     /// The set after a sample, and the surface in it that is likeliest.
     pub(super) fn learn<const N: usize>(&mut self, sample: &Accepted<N, D>, way: Option<&Way>) {
         let Some(set) = &mut self.set else { return };
-        let (surface, told) = (&mut self.surface, &self.settings.surface.normal);
+        let (surface, told) = (&mut self.surface, &self.settings.surface);
+        let in_contact = self.contact.is_any();
         // A normal that does not hold any more: all begins anew.
-        let way = way.filter(|_| surface.normal == *told || set.remembers_normal());
-        if way.is_none() {
-            surface.normal = *told;
+        let way = way.filter(|_| surface.normal == told.normal || in_contact || set.remembers_normal());
+        if way.is_none() && surface.normal != told.normal {
+            let stiffness = surface.normal_stiffness();
+            surface.normal = told.normal;
+            surface.become_spring(stiffness, -surface.height(&surface.contact.position));
         }
         let position = &sample.posture.pose().position;
         let depth = -surface.height(position);
-        let in_contact = self.contact.is_any();
+        if set.learns_normal() {
+            let begins = -surface.height(&told.contact.position);
+            let (away, deeper) = ((position - told.contact.position).norm_squared(), depth - begins);
+            set.told_at(begins, libm::sqrt((away - deeper * deeper).max(0.0)));
+        }
         let (pressing, beside) = surface.parts(&sample.wrench);
         set.follow(way, depth, (pressing, &beside), in_contact);
         if let Some(tilt) = set.take_tilt() {
@@ -33,14 +41,23 @@ impl<const D: usize> Belief<D> {
         self.set.as_ref().is_some_and(SurfaceSet::learns_normal)
     }
 
-    /// Whether a twist is meant to leave the surface: by the normal that was told. Along a surface
-    /// that turns out to be tilted the tool is to slide, not to leave it.
+    /// Whether a twist is meant to leave the surface: by the normal that was told, and by the one that
+    /// was learned. Along a surface that turns out to be tilted the tool is to slide, and one that
+    /// follows a surface uphill does not leave it.
     pub(crate) fn is_left_by(&self, twist: &SVector<f64, D>) -> bool {
-        self.settings.surface.is_left_by(twist)
+        self.settings.surface.is_left_by(twist) && self.surface.is_left_by(twist)
+    }
+
+    /// The twist of a stopped arm that moves out of the surface, at `speed` (m/s) at most: by the
+    /// normal that was told, and by the one that was learned, since either may be wrong.
+    pub(crate) fn retreat_along(&self, twist: &SVector<f64, D>, speed: f64) -> Option<SVector<f64, D>> {
+        let by = |surface: &Surface<D>| surface.retreat_along(twist, speed);
+        by(&self.surface).filter(|_| by(&self.settings.surface).is_some())
     }
 
     /// f_min per axis in N: that of the told normal's axes is a force along it, and stays that along
-    /// one that is learned. An axis that the tool turns away from would else ask for more and more.
+    /// one that is learned. The force along the normal would else have to grow on an axis to which the
+    /// normal has less and less of a component.
     pub(crate) fn least_force(&self, told: &SVector<f64, D>) -> SVector<f64, D> {
         let (is, was) = (&self.surface.normal, &self.settings.surface.normal);
         let part = |axis: usize| if is[axis] == was[axis] { 1.0 } else { is[axis].abs() / was[axis].abs() };

@@ -298,17 +298,17 @@ impl<const D: usize> Belief<D> {
         &self.surface
     }
 
-    /// The signs of contact that the normal gives.
+    /// The signs of contact that the told normal gives: which axes feel the surface.
     pub(crate) fn surface_signs(&self) -> &SurfaceSigns<D> {
         &self.signs
     }
 
     /// s of every axis whose force is bounded in contact; 0 of the others.
     pub(crate) fn bounded_signs(&self) -> [f64; D] {
-        let admittance = &self.settings.thresholds.admittance;
+        let (admittance, by_normal) = (&self.settings.thresholds.admittance, self.normal_signs());
         let sign = |axis: usize| match self.settings.sign {
             ContactSign::Wrench => self.contact.sign(axis),
-            ContactSign::Normal => self.normal_sign(axis).filter(|_| admittance[axis]),
+            ContactSign::Normal => by_normal.sign(axis).filter(|_| admittance[axis]),
         };
         core::array::from_fn(|axis| sign(axis).unwrap_or(0.0))
     }
@@ -319,10 +319,9 @@ impl<const D: usize> Belief<D> {
         self.settings.sign == ContactSign::Wrench || self.signs.sign(axis).is_some()
     }
 
-    /// s of an axis by the normal: as it was told, unless it was learned otherwise.
-    fn normal_sign(&self, axis: usize) -> Option<f64> {
-        let told = self.signs.sign(axis).filter(|sign| sign * self.surface.normal[axis] < 0.0);
-        told.or_else(|| SurfaceSigns::of(&self.surface.normal).sign(axis))
+    /// The signs of contact of the normal as it is believed to be: whose forces are bounded.
+    pub(crate) fn normal_signs(&self) -> SurfaceSigns<D> {
+        self.signs.learned(&self.surface.normal)
     }
 
     /// The pressing force in N that f̂ should show.

@@ -147,10 +147,11 @@ impl<const N: usize, const D: usize> Settings<N, D> {
         start: &State<N, D>,
     ) -> Constraints<N, D> {
         let limits = &self.limits;
+        let signs = situation.belief.normal_signs();
         let rate = (limits.inward_rate.is_some() || limits.outward_rate.is_some()).then(|| {
             let along = |axis: usize, direction: f64| {
                 // Without a sign no direction points outward.
-                let sign = situation.belief.surface_signs().sign(axis);
+                let sign = signs.sign(axis);
                 let is_outward = sign.is_some_and(|sign| sign * direction < 0.0);
                 let rate = if is_outward { &limits.outward_rate } else { &limits.inward_rate };
                 rate.as_ref().map_or(f64::INFINITY, |rate| rate[axis])

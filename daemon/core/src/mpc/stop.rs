@@ -87,13 +87,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     }
 }
 
-/// f_max only, the sign of each axis from the surface normal.
+/// f_max only, the sign of each axis from the surface normal as it is believed to be.
 fn bounds<const N: usize, const D: usize>(
     settings: &Settings<N, D>,
     situation: &Situation<'_, N, D>,
 ) -> ForceBounds<D> {
     let mut bounds = ForceBounds::none();
-    let signs = situation.belief.surface_signs();
+    let signs = situation.belief.normal_signs();
     for axis in signs.axes(&settings.admittance) {
         let (minimum, maximum) = (f64::NEG_INFINITY, settings.options.force_limit[axis]);
         let sign = signs.sign(axis).unwrap_or(0.0);

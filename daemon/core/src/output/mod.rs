@@ -166,15 +166,15 @@ impl<const D: usize> Output<D> {
         Movement { twist_command: sample.twist_reference, ..movement }
     }
 
-    /// Zero joint velocity; but ṗ0 may move the arm out of the surface, slowly. A ṗ0 that the
-    /// limits do not allow to be slowed down is held too.
+    /// Zero joint velocity; but ṗ0 may move the arm out of the surface, slowly: the twist that
+    /// `retreat` makes of it and of the speed that is allowed. A ṗ0 that the limits do not allow to be
+    /// slowed down is held too.
     pub(crate) fn hold_or_retreat<const N: usize>(
         &mut self,
         sample: &Accepted<N, D>,
-        surface: &Surface<D>,
+        retreat: impl FnOnce(&SVector<f64, D>, f64) -> Option<SVector<f64, D>>,
     ) -> Movement<N, D> {
-        let offset = surface
-            .retreat_along(&sample.twist_reference, self.settings.retreat_speed)
+        let offset = retreat(&sample.twist_reference, self.settings.retreat_speed)
             .map(|twist| twist - sample.twist_reference)
             .filter(|offset| sample.drives_enabled && self.is_within_limits(offset));
         match offset {

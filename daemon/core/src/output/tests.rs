@@ -125,10 +125,11 @@ fn without_a_plan_or_a_sample_nothing_leads_into_the_surface() {
     let hold: Movement<2, 2> = output.hold(sample.stamp);
     assert_eq!((hold.motion, hold.velocity_offset), (Motion::Hold, Vector2::zeros()));
     // Held, it may leave the surface at the retreat speed, and never enter it.
-    let held = output.hold_or_retreat(&sample, &surface);
+    let leave = |twist: &Vector2<f64>, speed: f64| surface.retreat_along(twist, speed);
+    let held = output.hold_or_retreat(&sample, leave);
     assert_eq!(held.motion, Motion::Hold, "{held:?}");
     let leaving = accepted(&pushing(60.0, -0.3, 1));
-    let movement = output.hold_or_retreat(&leaving, &surface);
+    let movement = output.hold_or_retreat(&leaving, leave);
     assert_eq!(movement.source, Source::Retreat);
     assert!(near(&movement.twist_command, &(normal() * 0.05)), "{}", movement.twist_command);
 }

@@ -205,7 +205,7 @@ impl<const D: usize> Supervisor<D> {
         let tolerance = |axis: usize| limit_tolerance * force_limit[axis];
         let passed = self.settings.limits().are_passed_without_lag(belief.without_lag(), tolerance);
         let along = |axis: usize| (force_limit[axis] + tolerance(axis)) / belief.surface().normal[axis].abs();
-        let limit = belief.surface_signs().axes(&thresholds.admittance).map(along).fold(f64::INFINITY, f64::min);
+        let limit = belief.normal_signs().axes(&thresholds.admittance).map(along).fold(f64::INFINITY, f64::min);
         let by_set = || belief.set().is_some_and(|set| set.has_exceeded(limit));
         self.exceeded += u64::from(passed || by_set());
     }

@@ -162,7 +162,7 @@ impl<'a> Session<'a> {
             }
             let cycle = cycle::build(&config).map_err(|why| (Exit::Config, why))?;
             self.begin(cycle, record, "the controller was fresh");
-        } else if is_free(record, kind) {
+        } else if is_free(record, kind) && !remembers_surface(record, &self.config) {
             // What requests have changed since the file was read is in every record, and free
             // motion was enabled.
             settings(record)?.apply(&mut self.config);
@@ -255,6 +255,14 @@ impl<'a> Session<'a> {
 fn settings(record: &RecordSample) -> Result<Settings, (Exit, String)> {
     let unknown = || format!("record {} is under the unknown law {}", record.sequence, record.law);
     Settings::read(record).ok_or_else(|| (Exit::DataError, unknown()))
+}
+
+/// Whether more is known of a surface than was told, which is remembered for a second after a contact: of
+/// that a record has only what is likeliest.
+fn remembers_surface(record: &RecordSample, config: &Config) -> bool {
+    let range = config.environment.stiffness_range_n_m;
+    range.is_some_and(|range| range[0] < range[1] && record.believed_stiffness_band_n_m != range)
+        || record.believed_tilt_rad() > 0.0
 }
 
 /// Whether a record is a plain cycle in free motion, without an offset on its way to zero.

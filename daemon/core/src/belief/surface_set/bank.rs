@@ -91,7 +91,9 @@ impl<const K: usize> Bank<K> {
     pub(super) fn beside(&self, depth: f64) -> Option<f64> {
         let (depths, beside) = (&self.depth[..self.len], &self.beside[..self.len]);
         let next = depths.partition_point(|node| *node < depth);
-        let last = next.checked_sub(1)?;
+        let Some(last) = next.checked_sub(1) else {
+            return beside.first().filter(|_| depths[0] == depth).copied();
+        };
         let part = (depth - depths[last]) / (depths.get(next)? - depths[last]);
         Some(beside[last] + part * (beside[next] - beside[last]))
     }

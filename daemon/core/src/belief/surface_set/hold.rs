@@ -37,8 +37,10 @@ const OPENED_STIFFNESS: f64 = 0.3;
 const OPENED_DEPTH: f64 = 5e-5;
 /// The same part of what was not known of the slope at first.
 const OPENED_SLOPE: f64 = 0.3;
-/// A way along the surface in a cycle that has a direction, m.
-const SLIDING: f64 = 1e-8;
+/// A way along the surface that has a direction, m: at first, and where the path turns. In a single
+/// cycle noise of the joints has one too.
+const BEGINS: f64 = 1e-5;
+const TURNS: f64 = 2e-4;
 
 /// The stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +49,10 @@ pub(super) struct Hold {
     datum: f64,
     /// Which way the slope is counted, base frame; zero until the tool slides.
     heading: Vector3<f64>,
+    /// The way since it was found, base frame, m.
+    pending: Vector3<f64>,
+    /// The heading as f̂ shows it, a lag later, of any length.
+    dragged: Vector3<f64>,
     /// Tilt across the path that is not counted in the normal yet, base frame.
     across: Vector3<f64>,
     state: SVector<f64, STATES>,
@@ -71,12 +77,22 @@ impl Hold {
         let mut covariance = by_slope * by_slope.transpose() * (tuning.slope * tuning.slope);
         let mut told = covariance.fixed_view_mut::<3, 3>(0, 0);
         told += known;
-        if tuning.learns_normal {
+        if tuning.learns_normal() {
             covariance[(BEND, BEND)] = BENT * BENT;
         }
         let state = SVector::<f64, STATES>::new(mean[M], mean[K], mean[THETA], 0.0, 0.0);
-        let (heading, across) = (Vector3::zeros(), Vector3::zeros());
-        Self { datum, heading, across, state, covariance, innovation: 1.0, expected: mean[M], away: 0.0 }
+        Self {
+            datum,
+            heading: Vector3::zeros(),
+            pending: Vector3::zeros(),
+            dragged: Vector3::zeros(),
+            across: Vector3::zeros(),
+            state,
+            covariance,
+            innovation: 1.0,
+            expected: mean[M],
+            away: 0.0,
+        }
     }
 
     /// On to a sample at the end of `way` that shows a pressing `force` (N) and one along the surface,
@@ -88,26 +104,37 @@ impl Hold {
         weight: f64,
         (tuning, tilt): (&Tuning, &Tilt),
     ) {
-        self.turn(&way.beside, tuning);
-        self.predict(way, tuning);
-        let along = if tuning.learns_normal { self.heading.dot(beside) } else { 0.0 };
+        let learns = tuning.learns_normal();
+        let path = if learns { self.heading.dot(&way.beside) } else { way.along() };
+        self.predict(way, path, tuning);
+        let along = if learns { self.heading.dot(beside) } else { 0.0 };
         self.correct(force, along, weight, tuning);
-        if tuning.learns_normal {
-            self.keep_slope(tilt.slopes(&self.heading, force, along));
-            self.across = tilt.across(&self.heading, way, (force, beside));
+        if learns {
+            self.keep_slope(tilt.slopes(&self.heading, force, along, tuning), &tuning.range);
+            let left = if tuning.lag > 0.0 { libm::exp(-way.duration() / tuning.lag) } else { 0.0 };
+            self.dragged = self.heading + (self.dragged - self.heading) * left;
+            let dragged = self.dragged.try_normalize(f64::MIN_POSITIVE).unwrap_or(self.heading);
+            self.across = tilt.across(&dragged, way, (force, beside), tuning);
+            // From now on the pressing force is that along the normal with this in it.
+            self.expected -= self.tilt().dot(beside);
         }
         let is_away = self.force_at(way.end()) <= 0.0;
         self.away = if is_away { self.away + way.duration() } else { 0.0 };
     }
 
-    /// The slope is that along the path: in another direction less is known of it.
-    fn turn(&mut self, beside: &Vector3<f64>, tuning: &Tuning) {
-        let along = beside.norm();
-        if !tuning.learns_normal || along < SLIDING {
-            return;
+    /// The way went on along the surface; returns the length of the path that it is, m. The slope is
+    /// that along the path: in another direction less is known of it.
+    pub(super) fn turn(&mut self, beside: &Vector3<f64>, tuning: &Tuning) -> f64 {
+        self.pending += beside;
+        let along = self.pending.norm();
+        let is_first = self.heading == Vector3::zeros();
+        if along < if is_first { BEGINS } else { TURNS } {
+            return 0.0;
         }
-        let heading = beside / along;
-        if self.heading != Vector3::zeros() {
+        let heading = self.pending / along;
+        if is_first {
+            self.dragged = heading;
+        } else {
             let kept = self.heading.dot(&heading);
             self.state[SLOPE] *= kept;
             self.covariance.row_mut(SLOPE).scale_mut(kept);
@@ -119,13 +146,18 @@ impl Hold {
             self.covariance[(SLOPE, SLOPE)] += lost * tuning.slope * tuning.slope;
             self.covariance[(BEND, BEND)] += lost * BENT * BENT;
         }
-        self.heading = heading;
+        (self.heading, self.pending) = (heading, Vector3::zeros());
+        along
+    }
+
+    fn tilt(&self) -> Vector3<f64> {
+        self.heading * self.state[SLOPE] + self.across
     }
 
     /// What the surface is tilted by against the normal along which depths are counted, as a vector
     /// along it: from now on it is counted in the normal.
     pub(super) fn take_tilt(&mut self) -> Vector3<f64> {
-        let tilt = self.heading * self.state[SLOPE] + self.across;
+        let tilt = self.tilt();
         (self.state[SLOPE], self.across) = (0.0, Vector3::zeros());
         tilt
     }
@@ -140,7 +172,8 @@ impl Hold {
         self.datum += shift;
     }
 
-    fn predict(&mut self, way: &Way, tuning: &Tuning) {
+    /// On to the end of a way, `path` m of it in the direction of the slope.
+    fn predict(&mut self, way: &Way, path: f64, tuning: &Tuning) {
         let (mut left, mut response) = (1.0, 0.0);
         for piece in way.pieces() {
             let (decay, weights) = piece.weights(tuning.lag);
@@ -153,11 +186,11 @@ impl Hold {
         let touches = if k * (way.end() - self.datum) > self.state[THETA] { 1.0 } else { 0.0 };
         let mut step = SMatrix::<f64, STATES, STATES>::identity();
         (step[(M, M)], step[(M, K)], step[(M, THETA)]) = (left, touches * response, -touches * (1.0 - left));
-        step[(THETA, SLOPE)] = k * way.along();
-        (step[(THETA, BEND)], step[(SLOPE, BEND)]) = (0.5 * k * way.along() * way.along(), way.along());
+        step[(THETA, SLOPE)] = k * path;
+        (step[(THETA, BEND)], step[(SLOPE, BEND)]) = (0.5 * k * path * path, path);
         self.state = step * self.state;
         self.covariance = step * self.covariance * step.transpose();
-        let (time, path) = (way.duration(), way.along());
+        let (time, path) = (way.duration(), path.abs());
         let depth = DRIFT * DRIFT * time + ROUGHNESS * ROUGHNESS * path;
         let stiffness = OTHER_MATERIAL * OTHER_MATERIAL * path * k * k;
         // Another stiffness about the point at which the tool presses, not about c = datum.
@@ -167,7 +200,7 @@ impl Hold {
         self.covariance[(K, THETA)] += stiffness * at;
         self.covariance[(THETA, K)] += stiffness * at;
         self.covariance[(SLOPE, SLOPE)] += CURVING * CURVING * path;
-        if tuning.learns_normal {
+        if tuning.learns_normal() {
             self.covariance[(BEND, BEND)] += BENDING * BENDING * path;
         }
     }
@@ -179,7 +212,7 @@ impl Hold {
         let variance = row[M] + row[SLOPE] * beside + 1.0 / weight;
         self.expected = self.state[M] + self.state[SLOPE] * beside;
         let error = force - self.expected;
-        let gain = row.transpose() / variance;
+        let gain = (self.covariance.column(M) + self.covariance.column(SLOPE) * beside) / variance;
         self.state += gain * error;
         self.covariance -= gain * row;
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
@@ -188,7 +221,7 @@ impl Hold {
             let k = self.state[K];
             self.covariance[(K, K)] += OPENED_STIFFNESS * OPENED_STIFFNESS * k * k;
             self.covariance[(THETA, THETA)] += OPENED_DEPTH * OPENED_DEPTH * k * k;
-            if tuning.learns_normal {
+            if tuning.learns_normal() {
                 self.covariance[(SLOPE, SLOPE)] += OPENED_SLOPE * OPENED_SLOPE * tuning.slope * tuning.slope;
             }
             self.innovation = 1.0;
@@ -207,12 +240,14 @@ impl Hold {
         }
     }
 
-    /// A slope that can't be is moved along what is not known to the next that can.
-    fn keep_slope(&mut self, (least, most): (f64, f64)) {
+    /// A slope that can't be is moved along what is not known to the next that can. A stiffness that
+    /// this would make impossible is not believed for it.
+    fn keep_slope(&mut self, (least, most): (f64, f64), range: &Range) {
         let slope = self.state[SLOPE];
         let missing = slope.max(least).min(most) - slope;
         if missing != 0.0 && self.covariance[(SLOPE, SLOPE)] > 0.0 {
             self.state += self.covariance.column(SLOPE) * (missing / self.covariance[(SLOPE, SLOPE)]);
+            self.state[K] = self.state[K].clamp(range.least, range.most);
         }
     }
 

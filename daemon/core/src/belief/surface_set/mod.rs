@@ -8,7 +8,7 @@
 //! | stage | what is known | file |
 //! |---|---|---|
 //! | touch | cells between contact depths on the way just travelled, each a least squares | `touch`, `bank`, `cell` |
-//! | hold | a Kalman filter over (m, k, θ = k c, slope) | `hold` |
+//! | hold | a Kalman filter over (m, k, θ = k c, slope, bend) | `hold`, `tilt` |
 //!
 //! Touch goes over to hold 20 ms and a lag of f̂ after it was noticed; contact lost for 8 ms leads back, with what
 //! is known of k, for one second.
@@ -79,10 +79,10 @@ struct Tuning {
     felt_after: f64,
     /// Standard deviation of f̂, N.
     noise: f64,
+    /// By how much the told normal may be wrong, as a slope; 0 where it is told as it is.
+    tolerance: f64,
     /// Standard deviation of the slope of the surface along the path, at first.
     slope: f64,
-    /// Whether the normal is learned.
-    learns_normal: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -115,10 +115,15 @@ pub(crate) struct SurfaceSet {
 }
 
 impl Tuning {
+    /// Whether the normal is learned.
+    fn learns_normal(&self) -> bool {
+        self.tolerance > 0.0
+    }
+
     /// How long a touch takes from when it was noticed, s. It knows of no slope: where there may be one,
     /// it ends as soon as it is certain.
     fn touch(&self) -> f64 {
-        if self.learns_normal { 0.0 } else { TOUCH + self.lag }
+        if self.learns_normal() { 0.0 } else { TOUCH + self.lag }
     }
 }
 
@@ -130,15 +135,15 @@ impl SurfaceSet {
         let told = Range { least, most };
         let tolerance = prior.depth_tolerance.unwrap_or(f64::INFINITY);
         let depths = (depth - tolerance, depth + tolerance);
-        let learns_normal = prior.normal_tolerance > 0.0;
-        let slope = (libm::tan(prior.normal_tolerance) / TOLERANCE_DEVIATIONS).max(TOLD_SLOPE);
+        let normal_tolerance = libm::tan(prior.normal_tolerance);
+        let slope = (normal_tolerance / TOLERANCE_DEVIATIONS).max(TOLD_SLOPE);
         let felt_after = felt / least;
         Self {
-            tuning: Tuning { lag, range: told, depths, felt_after, noise, slope, learns_normal },
+            tuning: Tuning { lag, range: told, depths, felt_after, noise, tolerance: normal_tolerance, slope },
             told,
             told_depths: depths,
             stage: Stage::Touch(Touch::new()),
-            tilt: Tilt::none(libm::tan(prior.normal_tolerance), noise),
+            tilt: Tilt::none(),
             remembered: 0.0,
             is_outside: false,
             fading: 0.0,
@@ -153,7 +158,7 @@ impl SurfaceSet {
         let (new, before) = (&self.tuning, &old.tuning);
         let is_same = self.told == old.told
             && self.told_depths == old.told_depths
-            && (new.lag, new.slope, new.learns_normal) == (before.lag, before.slope, before.learns_normal);
+            && (new.lag, new.tolerance) == (before.lag, before.tolerance);
         if is_same {
             let tuning = Tuning { noise: self.tuning.noise, ..old.tuning };
             *self = Self { tuning, risk: self.risk, ..*old };
@@ -167,7 +172,7 @@ impl SurfaceSet {
         (self.tuning.range, self.remembered, self.fading) = (self.told, 0.0, 0.0);
         (self.is_outside, self.deepest) = (false, f64::NEG_INFINITY);
         self.tuning.depths = self.told_depths;
-        self.tilt = Tilt::none(self.tilt.tolerance, self.tilt.noise);
+        self.tilt = Tilt::none();
     }
 
     /// On to a sample at `depth` (m) that shows a pressing `force` and one `beside` it, along the
@@ -179,7 +184,10 @@ impl SurfaceSet {
         (force, beside): (f64, &Vector3<f64>),
         in_contact: bool,
     ) {
+        let unexplained =
+            |force: f64| Spring { depth: depth - force.max(0.0) / self.told.least, stiffness: self.told.least };
         let Some(way) = way else {
+            self.unexplained = unexplained(force);
             self.forget();
             return;
         };
@@ -194,9 +202,9 @@ impl SurfaceSet {
         let (by_force, by_fading) = (FLOOR_PART * force, FADING_PART * self.fading);
         let weight = 1.0 / (noise * noise + FLOOR * FLOOR + by_force * by_force + by_fading * by_fading);
         // A touch does not know how much of the friction a slope shows.
-        let by_slope = if self.tuning.learns_normal { self.tuning.slope * beside.norm() } else { 0.0 };
+        let by_slope = if self.tuning.learns_normal() { self.tuning.slope * beside.norm() } else { 0.0 };
         let force = force - self.fading;
-        self.unexplained = Spring { depth: depth - force.max(0.0) / self.told.least, stiffness: self.told.least };
+        self.unexplained = unexplained(force);
         match &mut self.stage {
             Stage::Touch(touch) => {
                 let weight = weight / (1.0 + weight * by_slope * by_slope);
@@ -211,7 +219,9 @@ impl SurfaceSet {
                 }
             }
             Stage::Hold(hold) => {
-                self.tilt.path += way.along();
+                if self.tuning.learns_normal() {
+                    self.tilt.path += hold.turn(&way.beside, &self.tuning);
+                }
                 hold.follow(way, (force, beside), weight, (&self.tuning, &self.tilt));
             }
         }
@@ -252,7 +262,7 @@ impl SurfaceSet {
     /// What a touch takes for stiffness (N/m) and for θ (N) where the surface has a slope of 1, after
     /// so much way `beside` (m) since it began at `depth`: the force is k (x − c − slope · way).
     fn wrong_by_slope(&self, beside: f64, depth: f64, stiffness: f64) -> (f64, f64) {
-        if !self.tuning.learns_normal {
+        if !self.tuning.learns_normal() {
             return (0.0, 0.0);
         }
         let pressed = (self.deepest - depth).max(beside * self.tuning.slope);
@@ -263,7 +273,7 @@ impl SurfaceSet {
     /// counted, since this was asked last: a vector along it; `None` where the normal is told.
     pub(crate) fn take_tilt(&mut self) -> Option<Vector3<f64>> {
         match &mut self.stage {
-            Stage::Hold(hold) if self.tuning.learns_normal => {
+            Stage::Hold(hold) if self.tuning.learns_normal() => {
                 let tilt = hold.take_tilt();
                 self.tilt.of_normal += tilt;
                 Some(tilt)
@@ -274,7 +284,7 @@ impl SurfaceSet {
 
     /// Whether the normal is learned.
     pub(crate) fn learns_normal(&self) -> bool {
-        self.tuning.learns_normal
+        self.tuning.learns_normal()
     }
 
     /// How fast the normal turns along the path, rad/m: above zero the surface falls away.
@@ -287,13 +297,20 @@ impl SurfaceSet {
         matches!(self.stage, Stage::Hold(_)) || self.remembered > 0.0 || self.likeliest().is_some()
     }
 
+    /// Where the contact point that is told begins along the normal as it is believed to be (`depth`,
+    /// m), and how far from it the tool is along the surface (m): as far as the normal may be wrong the
+    /// surface may be deeper there, or less deep.
+    pub(crate) fn told_at(&mut self, depth: f64, distance: f64) {
+        let (first, last) = self.told_depths;
+        let tolerance = 0.5 * (last - first) + self.tuning.tolerance * distance;
+        self.tuning.depths = (depth - tolerance, depth + tolerance);
+    }
+
     /// Counts depths along another normal: where the tool is they are `shift` m more from now on.
     pub(crate) fn shift(&mut self, shift: f64) {
         if let Stage::Hold(hold) = &mut self.stage {
             hold.shift(shift);
         }
-        let (first, last) = self.tuning.depths;
-        self.tuning.depths = (first + shift, last + shift);
         self.deepest += shift;
         self.unexplained.depth += shift;
     }
@@ -329,12 +346,12 @@ impl SurfaceSet {
     /// By how much the surface may be deeper or less deep after a path of this length (m) than where
     /// it was touched: one deviation, m.
     fn sloping(&self, path: f64) -> f64 {
-        if self.tuning.learns_normal { self.tuning.slope * path } else { 0.0 }
+        if self.tuning.learns_normal() { self.tuning.slope * path } else { 0.0 }
     }
 
     /// What is held, after a path of this length (m).
     fn held(&self, hold: &Hold, path: f64) -> Hold {
-        if self.tuning.learns_normal && path > 0.0 { hold.ahead(path) } else { *hold }
+        if self.tuning.learns_normal() && path > 0.0 { hold.ahead(path) } else { *hold }
     }
 
     /// The least and greatest depth at which a surface of the set presses with `force` (N), where the
@@ -342,15 +359,14 @@ impl SurfaceSet {
     pub(crate) fn depths_of(&self, force: f64, deviations: f64, path: f64) -> (f64, f64) {
         let Spring { depth, stiffness } = self.likeliest().unwrap_or(self.unexplained);
         let likeliest = depth + force / stiffness;
-        let (least, most) = match &self.stage {
+        match &self.stage {
             Stage::Touch(touch) => {
                 let besides = deviations * self.sloping(path);
                 touch.depths_of(force, deviations, &self.tuning.range).map(|(a, b)| (a - besides, b + besides))
             }
             Stage::Hold(hold) => Some(self.held(hold, path).depths_of(force, deviations, &self.tuning.range)),
         }
-        .unwrap_or((likeliest, likeliest));
-        (least, most)
+        .unwrap_or((likeliest, likeliest))
     }
 
     /// The greatest force in N at `depth` of a surface of the set, after a `path` (m) along it.
@@ -397,5 +413,7 @@ impl SurfaceSet {
     }
 }
 
+#[cfg(test)]
+mod normal_tests;
 #[cfg(test)]
 mod tests;

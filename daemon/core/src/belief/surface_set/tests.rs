@@ -8,12 +8,12 @@ const LAG: f64 = 0.020;
 const CYCLE: f64 = 0.001;
 
 /// A tool that moves in at `speed`, is braked from 4 ms after the touch on, and a surface.
-struct World {
-    stiffness: f64,
-    begins: f64,
-    speed: f64,
-    noise: f64,
-    seed: u64,
+pub(super) struct World {
+    pub stiffness: f64,
+    pub begins: f64,
+    pub speed: f64,
+    pub noise: f64,
+    pub seed: u64,
 }
 
 impl World {
@@ -25,7 +25,7 @@ impl World {
     }
 
     /// A normal error, about: the sum of twelve even ones.
-    fn error(&mut self) -> f64 {
+    pub(super) fn error(&mut self) -> f64 {
         let mut sum = -6.0;
         for _ in 0..12 {
             self.seed = self.seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -27,7 +27,8 @@ pub(crate) struct NotAsTold {
 
 fn tilt(text: &str) -> Result<f64, String> {
     let tilt: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (0.0..=30.0).contains(&tilt) { Ok(tilt) } else { Err("0 to 30 degrees".to_owned()) }
+    // What environment.normal_tolerance_rad accepts.
+    if (0.0..=20.0).contains(&tilt) { Ok(tilt) } else { Err("0 to 20 degrees".to_owned()) }
 }
 
 impl NotAsTold {
