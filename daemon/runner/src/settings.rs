@@ -2,6 +2,7 @@
 //! configuration by a replay.
 
 use admittance_core::quantities::{AXIS_NAMES, wrench_unit};
+use admittance_host::config::short;
 use ipc_types::{Law, RecordSample, TASK_AXES};
 
 use crate::config::{Config, ContactPointName, LawName};
@@ -108,6 +109,11 @@ impl Settings {
 
 /// "(0.1, 0.2, 0.3)".
 pub fn point(values: &[f64; 3]) -> String {
-    let [x, y, z] = values;
-    format!("({x:.4}, {y:.4}, {z:.4})")
+    let [x, y, z] = values.map(length);
+    format!("({x}, {y}, {z})")
+}
+
+/// A length in m, to 0.1 mm; one that is no length of an arm is short all the same.
+pub fn length(value: f64) -> String {
+    if value.abs() < 1e6 { format!("{value:.4}") } else { short(value) }
 }

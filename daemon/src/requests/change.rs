@@ -1,7 +1,7 @@
 //! Requests that change a value in force: tare, force limit, environment, law. Each within bounds
 //! of `[requests]`; the new controller is built and checked here, and handed over as a whole.
 
-use admittance_host::config::Section as _;
+use admittance_host::config::{Section as _, short};
 use ipc_types::{Law, Mode, REQUEST_VALUES, RequestSample, TASK_AXES};
 use nalgebra::Vector3;
 
@@ -12,7 +12,7 @@ use crate::tare;
 use admittance_core::quantities::{AXIS_NAMES, wrench_unit};
 use admittance_runner::config::{Config, ContactPointName, LawName};
 use admittance_runner::cycle;
-use admittance_runner::settings::{Settings, point};
+use admittance_runner::settings::{Settings, length, point};
 
 /// Where values of an environment are in a request.
 const STIFFNESS: usize = 0;
@@ -36,8 +36,9 @@ impl ServiceThread {
             if !(*min..=*max).contains(&value) {
                 let unit = wrench_unit(axis);
                 return Err(Refusal::Refused(format!(
-                    "force limit {} = {value} {unit}; accepted: {min} to {max} {unit} (requests.force_limit_min, _max)",
-                    AXIS_NAMES[axis]
+                    "force limit {} = {} {unit}; accepted: {min} to {max} {unit} (requests.force_limit_min, _max)",
+                    AXIS_NAMES[axis],
+                    short(value)
                 )));
             }
             settings.force_limit[axis] = value;
@@ -65,7 +66,8 @@ impl ServiceThread {
             if !(min..=max).contains(&value) {
                 let bounds = "(requests.normal_stiffness_min_n_m, _max_n_m)";
                 return Err(Refusal::Refused(format!(
-                    "stiffness = {value} N/m; accepted: {min} to {max} N/m {bounds}"
+                    "stiffness = {} N/m; accepted: {min} to {max} N/m {bounds}",
+                    short(value)
                 )));
             }
             settings.normal_stiffness = value;
@@ -106,9 +108,10 @@ impl ServiceThread {
             let distance = (Vector3::from(place) - Vector3::from(known)).norm();
             if !(0.0..=accepted).contains(&distance) {
                 return Err(Refusal::Refused(format!(
-                    "contact point = {} m is {distance:.4} m from the file's {}; accepted: at most {accepted} m \
+                    "contact point = {} m is {} m from the file's {}; accepted: at most {accepted} m \
                      (requests.contact_point_distance_m)",
                     point(&place),
+                    length(distance),
                     point(&known)
                 )));
             }

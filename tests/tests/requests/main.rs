@@ -63,6 +63,10 @@ fn in_free_motion_all_of_it_is_done_within_its_bounds() {
             &["set-environment", "--contact-point", "1.32", "-0.68", "0"],
             &["1.3600 m from the file's", "at most 0.05 m"],
         );
+        // What does not fit into an answer is cut off: 309 digits left no room for what is accepted.
+        let far = ["set-environment", "--contact-point", "1e300", "1.7976931348623157e308", "1e300"];
+        cell.refused(&far, &["(1e300, 1.79769e308, 1e300) m", "at most 0.05 m (requests.contact_point_distance_m)"]);
+        cell.refused(&["set-environment", "--stiffness", "1e300"], &["1e300 N/m", "accepted: 10000 to 200000 N/m"]);
         cell.done(
             &["set-environment", "--normal", "0.5", "0.9", "0"],
             "surface normal (0.4226, 0.9063, 0.0000) -> (0.4856, 0.8742",

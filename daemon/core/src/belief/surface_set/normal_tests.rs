@@ -12,12 +12,15 @@ const STIFFNESS: f64 = 1e5;
 /// Pressing force that is kept, N.
 const FORCE: f64 = 20.0;
 
-/// A table with normal +z over which the tool slides as `at` says (s to m), with friction, seen by joints with
-/// noise (m): the tilt that is believed in at the end, its largest since `from` (s), as slopes, and the
-/// path that was counted (m).
+/// Where the tool is along the table, m, at a time in s.
+type Path<'a> = dyn Fn(f64) -> Vector3<f64> + 'a;
+
+/// A tool on a table with normal +z, for so many seconds, with friction, seen by joints with noise (m). The
+/// normal is told as it is, with a tolerance (rad).
 struct Slide<'a> {
-    at: &'a dyn Fn(f64) -> Vector3<f64>,
+    at: &'a Path<'a>,
     seconds: f64,
+    /// From when on the largest tilt is looked for, s.
     from: f64,
     friction: f64,
     joint_noise: f64,
@@ -25,12 +28,13 @@ struct Slide<'a> {
 }
 
 impl Slide<'_> {
+    /// What is believed in the end, and the largest tilt, as a slope.
     fn run(&self) -> (SurfaceSet, f64) {
         let prior =
             Prior { stiffness: (3e4, 3e5), depth_tolerance: None, normal_tolerance: self.tolerance, risk: 0.99 };
         let mut set = SurfaceSet::new(&prior, LAG, NOISE, 5.0, 0.0);
         let mut noise = World { stiffness: STIFFNESS, begins: 0.0, speed: 0.0, noise: 1.0, seed: 17 };
-        let (mut normal, mut dragged, mut pressed) = (Vector3::z(), Vector3::zeros(), 0.0);
+        let (mut normal, mut dragged) = (Vector3::z(), Vector3::zeros());
         let mut felt = Vector3::zeros();
         let (mut last, mut largest) = (None, 0.0_f64);
         // In within 4 ms, and then held there.
@@ -46,7 +50,6 @@ impl Slide<'_> {
             if moved.norm() > 1e-9 {
                 dragged = Vector3::new(moved.x, moved.y, 0.0) / moved.norm();
             }
-            pressed += (1.0 - left) * (STIFFNESS * depth(time - 0.5 * CYCLE).max(0.0) - pressed);
             let force = STIFFNESS * depth(time - 0.5 * CYCLE).max(0.0);
             felt += (dragged * (self.friction * force) - Vector3::z() * force - felt) * (1.0 - left);
             let wrench = felt + Vector3::from_fn(|_, _| NOISE * noise.error());
@@ -100,7 +103,7 @@ fn a_tool_that_stands_still_turns_no_normal() {
 fn friction_that_lags_behind_the_heading_is_no_tilt() {
     let corner = slides_until(0.5, |time| Vector3::y() * (0.1 * time));
     let circle = |time: f64| 0.02 * Vector3::new(libm::sin(5.0 * time), libm::cos(5.0 * time), 0.0);
-    let paths: [(&dyn Fn(f64) -> Vector3<f64>, f64); 2] = [(&corner, 0.54), (&circle, 0.3)];
+    let paths: [(&Path, f64); 2] = [(&corner, 0.54), (&circle, 0.3)];
     for (at, from) in paths {
         let slide = Slide { at, seconds: 1.0, from, friction: 0.5, joint_noise: 0.0, tolerance: 0.17 };
         let (_, largest) = slide.run();
