@@ -93,7 +93,9 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
         stops: share > set.risk(),
         is_hopeless: set.depths_of(limit, HOPELESS, path).1 < deepest_depth,
     };
-    let excess = scaled_now(situation) - shown(set.depths_of(limit, SURE, BACK * speed_along(situation)).0);
+    // Where it has to be back the slope is another one than where it is deepest.
+    let back = || shown(set.depths_of(limit, SURE, BACK * speed_along(situation)).0);
+    let excess = scaled_now(situation) - if set.learns_normal() { back() } else { reached };
     Some(SetBounds { maximum: helped, risk: Some(risk), excess })
 }
 

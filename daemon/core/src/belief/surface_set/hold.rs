@@ -64,6 +64,32 @@ pub(super) struct Hold {
     away: f64,
 }
 
+/// How the state goes on along the path: x' = F x.
+struct Transition {
+    /// What m becomes of m, k and θ.
+    shown: [f64; 3],
+    /// k, with which a slope becomes θ, N/m.
+    stiffness: f64,
+    /// Length of the path, m.
+    path: f64,
+}
+
+impl Transition {
+    /// F times a state, or times the columns of a covariance; of F, which is nearly empty, only what
+    /// there is.
+    fn of<const C: usize>(&self, columns: &SMatrix<f64, STATES, C>) -> SMatrix<f64, STATES, C> {
+        let (mut next, [m, k, theta]) = (*columns, self.shown);
+        let (by_slope, by_bend) = (self.stiffness * self.path, 0.5 * self.stiffness * self.path * self.path);
+        for column in 0..C {
+            let at = |row: usize| columns[(row, column)];
+            next[(M, column)] = m * at(M) + k * at(K) + theta * at(THETA);
+            next[(THETA, column)] = at(THETA) + by_slope * at(SLOPE) + by_bend * at(BEND);
+            next[(SLOPE, column)] = at(SLOPE) + self.path * at(BEND);
+        }
+        next
+    }
+}
+
 impl Hold {
     /// Goes on from what a touch has learned, where depths are counted from `datum` (m), and by so
     /// much (N/m, N) wrongly where the surface has a slope of 1.
@@ -184,12 +210,8 @@ impl Hold {
         let k = self.state[K];
         // Where the likeliest surface is not touched f̂ fades.
         let touches = if k * (way.end() - self.datum) > self.state[THETA] { 1.0 } else { 0.0 };
-        let mut step = SMatrix::<f64, STATES, STATES>::identity();
-        (step[(M, M)], step[(M, K)], step[(M, THETA)]) = (left, touches * response, -touches * (1.0 - left));
-        step[(THETA, SLOPE)] = k * path;
-        (step[(THETA, BEND)], step[(SLOPE, BEND)]) = (0.5 * k * path * path, path);
-        self.state = step * self.state;
-        self.covariance = step * self.covariance * step.transpose();
+        let shown = [left, touches * response, -touches * (1.0 - left)];
+        self.go(&Transition { shown, stiffness: k, path });
         let (time, path) = (way.duration(), path.abs());
         let depth = DRIFT * DRIFT * time + ROUGHNESS * ROUGHNESS * path;
         let stiffness = OTHER_MATERIAL * OTHER_MATERIAL * path * k * k;
@@ -254,10 +276,15 @@ impl Hold {
     /// The same where the tool will be after a path of this length (m) along the surface: what is not
     /// known of its slope is not known of its depth there.
     pub(super) fn ahead(&self, path: f64) -> Self {
-        let mut step = SMatrix::<f64, STATES, STATES>::identity();
-        step[(THETA, SLOPE)] = self.state[K] * path;
-        step[(THETA, BEND)] = 0.5 * self.state[K] * path * path;
-        Self { state: step * self.state, covariance: step * self.covariance * step.transpose(), ..*self }
+        let mut ahead = *self;
+        ahead.go(&Transition { shown: [1.0, 0.0, 0.0], stiffness: self.state[K], path });
+        ahead
+    }
+
+    fn go(&mut self, transition: &Transition) {
+        self.state = transition.of(&self.state);
+        let rows = transition.of(&self.covariance);
+        self.covariance = transition.of(&rows.transpose()).transpose();
     }
 
     /// The likeliest surface.
