@@ -36,7 +36,9 @@ fn a_flood_of_requests_starves_neither_watchdog_nor_signals_nor_others() {
             return;
         }
         let systemd = installed(&config(&[]), &in_the_air());
-        systemd.run(&format!("cp {} /usr/local/bin", binaries().admittance_lab.display()));
+        // From outside: a checkout below /tmp is hidden inside.
+        let lab = systemd.path("/usr/local/bin/admittance-lab");
+        std::fs::copy(&binaries().admittance_lab, lab).expect("copied");
         systemd.run(&format!("systemctl start {PLANT}"));
         entry_of_this_process(&systemd, "MODE=Free");
         // As it is shipped: for the watchdog of seconds no machine is too busy.

@@ -27,6 +27,13 @@ struct Belief {
     tilt_deg: f64,
 }
 
+impl Belief {
+    fn is_of_its_band(&self) -> bool {
+        let [least, most] = self.band_n_m;
+        (least..=most).contains(&self.stiffness_n_m)
+    }
+}
+
 /// All cycles in which there was a range; none where a stiffness was told.
 #[derive(Default)]
 pub(super) struct Beliefs(Vec<Belief>);
@@ -58,6 +65,10 @@ impl Beliefs {
         }
         // Free again, it is another surface that is waited for.
         let touched: Vec<&Belief> = self.0.iter().filter(|belief| belief.in_contact).collect();
+        // While f̂ fades after a contact the surface is a supposed one: the end is the last with one in
+        // its band, from which on later cycles say nothing.
+        let end = touched.iter().rposition(|belief| belief.is_of_its_band()).map_or(touched.len(), |at| at + 1);
+        let touched = &touched[..end];
         let Some(last) = touched.last() else {
             return vec![("stiffness believed in N/m".to_owned(), "nothing was touched".to_owned())];
         };
@@ -95,7 +106,7 @@ impl Beliefs {
 
     /// Stiffness with its band above the contact point; `None` where a stiffness was told.
     pub(super) fn chart(&self, time: Range<f64>) -> Option<Chart> {
-        let last = self.0.iter().rfind(|belief| belief.in_contact).or(self.0.last())?;
+        let last = self.0.iter().rfind(|belief| belief.in_contact && belief.is_of_its_band()).or(self.0.last())?;
         let within = || self.0.iter().filter(|belief| time.contains(&belief.time_s));
         let points =
             |of: &dyn Fn(&Belief) -> f64| within().map(|belief| (belief.time_s, of(belief))).collect::<Vec<_>>();
@@ -154,6 +165,8 @@ mod tests {
             let band = [0.9 * stiffness, 1.1 * stiffness];
             beliefs.add(&record(stiffness, band, depth_m, verdict), f64::from(index) * 0.004);
         }
+        // f̂ fades: still in contact, and the softest surface is supposed.
+        beliefs.add(&record(1e4, [9e4, 1.1e5], 0.001, Verdict::Feasible), 0.024);
         let values: Vec<String> = beliefs.rows().into_iter().map(|(_, value)| value).collect();
         assert_eq!(values, ["100000 (90000 to 110000)", "8.0 ms", "2, the worst by 7.5 N", "5.7 degrees"]);
         let chart = beliefs.chart(-0.01..0.1).unwrap();
