@@ -8,6 +8,7 @@ mod detection;
 mod foreign_contact;
 mod heavy_tool;
 mod inputs_within_the_cycle;
+mod lag_tolerance;
 mod limits_are_constraints;
 mod paper_experiment;
 mod settling;

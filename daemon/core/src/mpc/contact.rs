@@ -6,7 +6,7 @@ use nalgebra::SVector;
 use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
-use super::every_surface::{of_set, pressing_everywhere};
+use super::every_surface::{deepest_of, helped, nearest_limit, of_set, pressed_late, pressing_everywhere};
 use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
@@ -48,7 +48,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // A plan that rides on the limit would miss it by what the linear model leaves out.
         // A set has its own room: what is uncertain.
         let room = if situation.belief.set().is_some() { 0.0 } else { ROOM };
-        let levels = [-room * tolerance, 0.0, tolerance];
+        let level = -room * tolerance;
+        let levels =
+            [self.reserved(situation, demand).map_or(level, |reserved| level.min(reserved)), level, 0.0, tolerance];
         let mut level = levels[0];
         let mut solution = self.press_within(level, situation, demand, expired);
         for next in levels {
@@ -71,6 +73,18 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             verdict.count_from(level.min(0.0), &force_limit);
         }
         solution.with(&self.plan)
+    }
+
+    /// The level at which an arm that follows later than told still keeps the limit, or the lowest
+    /// one that can be kept; `None` for an arm that follows as told.
+    fn reserved(&self, situation: &Situation<'_, N, D>, demand: &Demand<D>) -> Option<f64> {
+        if self.settings.options.lag_tolerance <= 0.0 || situation.belief.set().is_some() {
+            return None;
+        }
+        let (_, limit) = nearest_limit(&self.settings, situation, &demand.signs)?;
+        let (deepest, _) = deepest_of(&self.settings, situation);
+        let free = limit - pressed_late(&self.settings, situation);
+        Some(free.max(helped(deepest, limit, 0.0)) / limit - 1.0)
     }
 
     /// (18) with every f_max larger by this part.

@@ -66,22 +66,21 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
     signs: &[f64; D],
     tolerance: f64,
 ) -> Option<SetBounds> {
-    let (settings, surface) = (&mpc.settings, situation.belief.surface());
-    let along = |axis: usize| settings.options.force_limit[axis] / surface.normal[axis].abs();
-    let bounded = (0..D).filter(|&axis| signs[axis] != 0.0 && surface.normal[axis] != 0.0);
-    let axis = bounded.min_by(|a, b| along(*a).total_cmp(&along(*b)))?;
-    let limit = along(axis) * (1.0 + tolerance);
+    let settings = &mpc.settings;
+    let (axis, limit) = nearest_limit(settings, situation, signs)?;
+    let limit = limit * (1.0 + tolerance);
     let (depth, shown) = scale(situation);
     let (deepest, time) = deepest_of(settings, situation);
     let path = time * speed_along(situation);
     let reached = shown(set.depths_of(limit, SURE, path).0);
-    let helped = deepest + (ROOM + tolerance) * deepest.max(limit);
+    let helped = helped(deepest, limit, tolerance);
     if set.likeliest().is_none() {
         // A force that no surface explains yet is none that may be exceeded.
         return Some(SetBounds { maximum: limit.max(helped), risk: None, excess: 0.0 });
     }
     if reached >= deepest {
-        return Some(SetBounds { maximum: reached, risk: None, excess: 0.0 });
+        let free = reached - pressed_late(settings, situation);
+        return Some(SetBounds { maximum: free.max(helped).min(reached), risk: None, excess: 0.0 });
     }
     let deepest_depth = depth(deepest);
     let share = set.share_above(limit, deepest_depth, path);
@@ -99,6 +98,34 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
     Some(SetBounds { maximum: helped, risk: Some(risk), excess })
 }
 
+/// The bounded axis whose limit comes first, and that limit along the normal in N.
+pub(super) fn nearest_limit<const N: usize, const D: usize>(
+    settings: &Settings<N, D>,
+    situation: &Situation<'_, N, D>,
+    signs: &[f64; D],
+) -> Option<(usize, f64)> {
+    let surface = situation.belief.surface();
+    let along = |axis: usize| settings.options.force_limit[axis] / surface.normal[axis].abs();
+    let bounded = (0..D).filter(|&axis| signs[axis] != 0.0 && surface.normal[axis] != 0.0);
+    bounded.map(|axis| (axis, along(axis))).min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// The bound in N that a deepest point that can't be helped leaves.
+pub(super) fn helped(deepest: f64, limit: f64, tolerance: f64) -> f64 {
+    deepest + (ROOM + tolerance) * deepest.max(limit)
+}
+
+/// What an arm that moves in as it does now presses more in N within the time by which it may follow later than
+/// told.
+pub(super) fn pressed_late<const N: usize, const D: usize>(
+    settings: &Settings<N, D>,
+    situation: &Situation<'_, N, D>,
+) -> f64 {
+    let surface = situation.belief.surface();
+    let outward = surface.outward_speed(&(situation.sample.posture.jacobian() * situation.joints.velocity));
+    surface.normal_stiffness() * (-outward).max(0.0) * settings.options.lag_tolerance
+}
+
 /// The force of the likeliest surface now, along the normal, N.
 fn scaled_now<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -> f64 {
     situation.belief.surface().spring_force(situation.sample.posture.pose())
@@ -113,7 +140,7 @@ fn speed_along<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) 
 
 /// The deepest point that can't be helped, in N of the likeliest surface, and when it is, s from the
 /// sample.
-fn deepest_of<const N: usize, const D: usize>(
+pub(super) fn deepest_of<const N: usize, const D: usize>(
     settings: &Settings<N, D>,
     situation: &Situation<'_, N, D>,
 ) -> (f64, f64) {

@@ -68,6 +68,8 @@ pub struct Options<const N: usize, const D: usize> {
     /// Part of f_max by which a plan may exceed it before that counts as infeasible: a plan that
     /// just kept the limit would miss it a cycle later, by what the linear model leaves out.
     pub limit_tolerance: f64,
+    /// By how many seconds later than the model says the arm may follow its commands.
+    pub lag_tolerance: f64,
     /// When f_min holds.
     pub lower_bound: LowerBound,
     /// How fast the arm may be commanded into the surface.

@@ -78,6 +78,13 @@ impl Cell {
         self
     }
 
+    /// The same cell whose arm is told to follow up to `lag_tolerance_s` later than its model. The speed stays.
+    #[must_use]
+    pub fn allowing_lag(mut self, lag_tolerance_s: f64) -> Self {
+        self.config.control.lag_tolerance_s = lag_tolerance_s;
+        self
+    }
+
     /// The highest speed, not above the one with the model as told, at which in none of so many
     /// worlds a force exceeds its limit or the controller stops. (Losses of contact do not count:
     /// they are no danger, and loops of second order have them at any speed.) `tried` is told of
