@@ -6,6 +6,7 @@ mod samples;
 use admittance_core::intake::{Arrival, SampleFault};
 use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::clock::monotonic_ns;
+use admittance_host::config::fixed;
 use admittance_runner::cycle::CycleReport;
 use ipc_types::{Mode, Motion, Side, StopReason, Verdict};
 
@@ -90,17 +91,17 @@ fn explanation(record: &CycleRecord) -> String {
             let axis = AXIS_NAMES.get(command.verdict_axis as usize).unwrap_or(&"?");
             let side = if command.verdict_side == Side::Upper.code() { "upper" } else { "lower" };
             format!(
-                ", the {side} limit on {axis} is missed by at least {:.1} N in {:.1} ms",
-                -command.verdict_margin,
+                ", the {side} limit on {axis} is missed by at least {} N in {:.1} ms",
+                fixed(-command.verdict_margin, 1),
                 command.verdict_time_s * 1e3
             )
         }
         Some(StopReason::Infeasible) if command.verdict == Verdict::AtRisk.code() => {
             let axis = AXIS_NAMES.get(command.verdict_axis as usize).unwrap_or(&"?");
             format!(
-                ", too many surfaces that may be there can't be kept below the limit on {axis}: the worst exceeds it by {:.1} N \
+                ", too many surfaces that may be there can't be kept below the limit on {axis}: the worst exceeds it by {} N \
                  in {:.1} ms",
-                -command.verdict_margin,
+                fixed(-command.verdict_margin, 1),
                 command.verdict_time_s * 1e3
             )
         }
@@ -185,7 +186,7 @@ pub(crate) fn status_sentence(last: Option<&CycleRecord>) -> String {
         text += ", holding";
     }
     if command.verdict == Verdict::Feasible.code() {
-        text += &format!(", feasible with {:.1} N to spare", command.verdict_margin);
+        text += &format!(", feasible with {} N to spare", fixed(command.verdict_margin, 1));
     }
     let [least, most] = record.sample.believed_stiffness_band_n_m;
     if least < most && command.mode == Mode::Contact.code() {
@@ -197,7 +198,7 @@ pub(crate) fn status_sentence(last: Option<&CycleRecord>) -> String {
         }
     }
     if command.verdict == Verdict::AtRisk.code() && command.mode == Mode::Contact.code() {
-        text += &format!(", at risk: up to {:.1} N above the limit", -command.verdict_margin);
+        text += &format!(", at risk: up to {} N above the limit", fixed(-command.verdict_margin, 1));
     }
     text + &explanation(record) + &complaint(record)
 }

@@ -38,11 +38,11 @@ fn compiled_layouts() -> Vec<Compiled> {
             contact_losses motion missed scenario_time_s normal_force_n penetration_m peak_normal_force_n joint_position
             joint_velocity tcp_position tcp_rotation tcp_twist wrench peak_wrench velocity_offset),
         compiled!(RequestSample v 1: id deadline_ns kind force law given values),
-        compiled!(ResponseSample v 2: id state_sequence command_sequence cycles fallback_count late_count missed_count
+        compiled!(ResponseSample v 3: id state_sequence command_sequence cycles fallback_count late_count missed_count
             rejected_count uptime_ns compute_time_ns status mode motion stop_reason active_axes verdict joint_count
             text_length verdict_margin verdict_time_s wrench velocity_offset law enabled force_limit wrench_bias
             normal_stiffness_n_m surface_normal contact_point verdict_axis verdict_side
-            believed_stiffness_n_m believed_stiffness_band_n_m text),
+            believed_stiffness_n_m believed_stiffness_band_n_m believed_normal text),
         compiled!(RecordSample v 5: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
             dropped_count limited_count contact_losses kind iterations fault limited forced done stop_order enabled
             contact_point wrench law reserved force_limit wrench_bias normal_stiffness_n_m surface_normal
@@ -171,7 +171,7 @@ fn a_changed_layout_needs_a_new_version_of_its_sample() {
         ("admittanced.CommandSample.v1", 0x9ae5_ec64_959b_6a5f),
         ("admittanced.TruthSample.v1", 0x7aeb_0f8a_3fab_11b8),
         ("admittanced.RequestSample.v1", 0x1f12_9cd2_b9c5_6793),
-        ("admittanced.ResponseSample.v2", 0x2a8a_071e_1432_02bf),
+        ("admittanced.ResponseSample.v3", 0xdf18_0955_864a_b932),
         ("admittanced.RecordSample.v5", 0xe735_b625_2fa6_6d32),
         ("admittanced.DiagnosticsSample.v3", 0x7f71_89b5_83a8_bdf8),
     ];

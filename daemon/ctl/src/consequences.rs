@@ -121,6 +121,28 @@ fn work(config: &Config, touch: &Touch, speed_m_s: f64) -> Result<String, String
     ))
 }
 
+/// What is told of a surface of which only a range is, and what is learned of it.
+fn surface(config: &Config) -> Option<String> {
+    let environment = &config.environment;
+    let [least, most] = environment.stiffness_range_n_m.filter(|[least, most]| least < most)?;
+    let point = match environment.contact_tolerance_m {
+        Some(tolerance) => format!("contact point told within {} mm", short(tolerance * 1e3)),
+        None => "contact point detected".to_owned(),
+    };
+    let normal = match environment.normal_tolerance_rad {
+        0.0 => "normal as told".to_owned(),
+        tolerance => {
+            format!("normal told within {} rad ({:.1} degrees), learned", short(tolerance), tolerance.to_degrees())
+        }
+    };
+    Some(format!(
+        "surface: stiffness {} to {} N/m, learned at touch ({} N/m before it); {point}; {normal}",
+        short(least),
+        short(most),
+        short(environment.normal_stiffness_n_m)
+    ))
+}
+
 /// What the controller believes of the arm.
 fn belief(config: &Config) -> Vec<String> {
     let (robot, control) = (&config.robot, &config.control);
@@ -144,6 +166,7 @@ fn belief(config: &Config) -> Vec<String> {
         "wrench: time constants {:?} s, dead time {} s",
         config.contact.wrench_time_constant_s, config.contact.wrench_dead_time_s
     ));
+    lines.extend(surface(config));
     lines.push(format!(
         "a command acts {} s after its sample{}",
         control.command_delay_s,

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::clock::monotonic_ns;
+use admittance_host::config::fixed;
 use ipc_types::services::{self, Access};
 use ipc_types::{DiagnosticsSample, IpcSettings, Mode, Node, QUANTILES, StopReason, Subscriber, TASK_AXES, Verdict};
 
@@ -63,7 +64,7 @@ pub(crate) fn sample_age_ns(sample: &DiagnosticsSample) -> Option<u64> {
 
 /// Values of the axes with three decimals.
 pub(crate) fn axes_text(values: &[f64; TASK_AXES]) -> String {
-    values.map(|value| format!("{value:.3}")).join(" ")
+    values.map(|value| fixed(value, 3)).join(" ")
 }
 
 /// "Stopped (Infeasible)".
@@ -79,18 +80,18 @@ pub(crate) fn mode_text(sample: &DiagnosticsSample) -> String {
 pub(crate) fn verdict_text(sample: &DiagnosticsSample) -> String {
     let axis = AXIS_NAMES.get(sample.verdict_axis as usize).unwrap_or(&"?");
     match Verdict::from_code(sample.verdict) {
-        Some(Verdict::Feasible) => format!("feasible, {:.1} N to spare on {axis}", sample.verdict_margin),
+        Some(Verdict::Feasible) => format!("feasible, {} N to spare on {axis}", fixed(sample.verdict_margin, 1)),
         Some(Verdict::Infeasible) => {
             format!(
-                "infeasible, {:.1} N missing on {axis} in {:.1} ms",
-                -sample.verdict_margin,
+                "infeasible, {} N missing on {axis} in {:.1} ms",
+                fixed(-sample.verdict_margin, 1),
                 sample.verdict_time_s * 1e3
             )
         }
         Some(Verdict::AtRisk) => {
             format!(
-                "at risk, up to {:.1} N above on {axis} in {:.1} ms",
-                -sample.verdict_margin,
+                "at risk, up to {} N above on {axis} in {:.1} ms",
+                fixed(-sample.verdict_margin, 1),
                 sample.verdict_time_s * 1e3
             )
         }

@@ -29,6 +29,9 @@ fn validate_says_what_is_believed_of_the_arm() {
     let directory = tempfile::tempdir().expect("a directory");
     let path = directory.path().join("cell.toml");
     let section = "[robot.velocity_loop]\ndamping = [0.7, 0.0]\ndead_time_s = [0.001, 0.001]\nreport_lag_s = 0.002\n";
+    let surface = "[environment]\nstiffness_range_n_m = [3e4, 3e5]\ncontact_tolerance_m = 0.002\n\
+                   normal_tolerance_rad = 0.1\nwrench_noise_n = 0.5\n";
+    let told = told.replacen("[environment]\n", surface, 1);
     std::fs::write(&path, told.replacen("[[robot.joint]]", &format!("{section}\n[[robot.joint]]"), 1))
         .expect("written");
     let output = Command::new(env!("CARGO_BIN_EXE_admittancectl")).args(["validate", "-v"]).arg(&path).output();
@@ -40,6 +43,8 @@ fn validate_says_what_is_believed_of_the_arm() {
         "joint 1: speed loop of first order, time constant 0.01 s, dead time 0.001 s",
         "joint velocities: reported with a lag of 0.002 s, estimated",
         "wrench: time constants [0.02, 0.02] s, dead time 0 s",
+        "surface: stiffness 30000 to 300000 N/m, learned at touch (100000 N/m before it); contact point told within 2 mm; normal \
+         told within 0.1 rad (5.7 degrees), learned",
     ] {
         assert!(text.contains(line), "{text}");
     }

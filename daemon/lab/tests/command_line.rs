@@ -32,3 +32,36 @@ fn every_subcommand_has_help_and_a_wrong_one_is_named() {
     let (code, text) = run(&["sok"]);
     assert_eq!((code, text.contains("sok")), (Some(64), true), "{text}");
 }
+
+#[test]
+fn what_a_study_of_surfaces_is_told_is_refused_before_it_runs() {
+    for (option, value, accepted) in [
+        ("--tilt-deg", "21", "accepted: 0 to 20 degrees"),
+        ("--tilt-deg", "-1", "accepted: 0 to 20 degrees"),
+        ("--friction", "-1", "accepted: 0 to 2"),
+        ("--friction", "much", "not a number; accepted: 0 to 2"),
+        ("--damping", "2e5", "accepted: 0 to 100000 N s/m"),
+        ("--told-lag", "-0.5", "accepted: 0 to 10 times the true lag"),
+        ("--bias-n", "-1e5", "accepted: -10000 to 10000 N"),
+        ("--noise-n", "nan", "accepted: 0 to 9.9 N"),
+        ("--noise-n", "10", "accepted: 0 to 9.9 N"),
+        ("--noise-n", "-1", "accepted: 0 to 9.9 N"),
+        ("--risk", "1.5", "accepted: 0 to 1"),
+    ] {
+        let (code, text) = run(&["study", "verdict", "--surface", "range10", "--runs", "1", option, value]);
+        assert_eq!(code, Some(64), "{option} {value}: {text}");
+        for part in [option, &format!("'{value}'"), accepted] {
+            assert!(text.contains(part), "{option} {value} does not say {part}: {text}");
+        }
+    }
+}
+
+#[test]
+fn a_tilt_that_is_not_learned_is_told_of() {
+    let tilted =
+        |surface| run(&["study", "verdict", "--surface", surface, "--tilt-deg", "2", "--bias-n", "-1", "--index", "0"]);
+    let (code, text) = tilted("known");
+    assert_eq!((code, text.contains("--tilt-deg 2 with --surface known")), (Some(0), true), "{text}");
+    let (code, text) = tilted("range3");
+    assert_eq!((code, text.contains("is not learned")), (Some(0), false), "{text}");
+}

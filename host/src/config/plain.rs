@@ -20,6 +20,15 @@ pub fn short(value: f64) -> String {
     Number::Float(rounded).to_string()
 }
 
+/// A number with so many decimals, for messages. What rounds to zero has no sign: nobody means "-0.0".
+pub fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(rest) if !rest.contains(|c: char| c != '0' && c != '.') => rest.to_owned(),
+        Some(_) | None => text,
+    }
+}
+
 /// The text with every fraction in it [`short`]; quoted texts and names stay as they are.
 pub(super) fn with_short_numbers(text: &str) -> String {
     let is_part = |character: char| character.is_ascii_alphanumeric() || "._+-".contains(character);
@@ -52,6 +61,15 @@ mod tests {
         let long = "at most a.b[1] = 0.00000000000000000000012345678 s, [0.42261826174069944, 1.0], \"0.123456789012\" 123456789";
         let plain = "at most a.b[1] = 1.23457e-22 s, [0.422618, 1.0], \"0.123456789012\" 123456789";
         assert_eq!(with_short_numbers(long), plain);
+    }
+
+    #[test]
+    fn what_rounds_to_zero_has_no_sign() {
+        assert_eq!([-0.04, -0.0, 0.04].map(|value| fixed(value, 1)), ["0.0"; 3]);
+        assert_eq!(
+            (fixed(-0.06, 1), fixed(-0.4, 0), fixed(-10.0, 0)),
+            ("-0.1".to_owned(), "0".to_owned(), "-10".to_owned())
+        );
     }
 
     #[test]

@@ -33,3 +33,11 @@ pub const SAMPLES: &[SampleInfo] = &[
     RecordSample::INFO,
     DiagnosticsSample::INFO,
 ];
+
+/// Angle in rad between two vectors; 0 where that is rounding alone, or one of them is zero.
+fn angle_between(one: &[f64; 3], other: &[f64; 3]) -> f64 {
+    let ([a, b, c], [x, y, z]) = (one, other);
+    let across = [b * z - c * y, c * x - a * z, a * y - b * x];
+    let angle = across.iter().map(|part| part * part).sum::<f64>().sqrt().atan2(a * x + b * y + c * z);
+    if angle < 1e-9 { 0.0 } else { angle }
+}

@@ -106,10 +106,6 @@ impl RecordSample {
     /// Angle in rad between the believed surface normal and the one that was told; 0 where that is
     /// rounding alone, and where a record does not have one.
     pub fn believed_tilt_rad(&self) -> f64 {
-        let length = |vector: &[f64; 3]| vector.iter().map(|part| part * part).sum::<f64>().sqrt();
-        let ([a, b, c], [x, y, z]) = (self.believed_normal, self.surface_normal);
-        let across = length(&[b * z - c * y, c * x - a * z, a * y - b * x]);
-        let tilt = across.atan2(a * x + b * y + c * z);
-        if tilt < 1e-9 { 0.0 } else { tilt }
+        super::angle_between(&self.believed_normal, &self.surface_normal)
     }
 }

@@ -28,7 +28,7 @@ wire_sample! {
 
 wire_sample! {
     /// The daemon's answer to a request, with its state at that moment.
-    struct ResponseSample: "admittanced.ResponseSample.v2", size 1440, writer "admittanced (service thread)" {
+    struct ResponseSample: "admittanced.ResponseSample.v3", size 1464, writer "admittanced (service thread)" {
         0 id: u64 ["1", "any"]
             "id of the request.";
         8 state_sequence: u64 ["1", ">= 0"]
@@ -93,15 +93,23 @@ wire_sample! {
         388 verdict_side: u32 as Side ["1", "a code of Side"]
             "Force limit that the verdict speaks of, as in the command sample.";
         392 believed_stiffness_n_m: f64 ["N/m", ">= 0"]
-            "Stiffness along the normal as it is believed to be; 0 before the first cycle.";
+            "Stiffness along the normal as it is believed to be; out of contact what the next touch begins with. 0 before the \
+             first cycle.";
         400 believed_stiffness_band_n_m: [f64; 2] ["N/m", ">= 0"]
             "Least and greatest stiffness that it may be, as in the record.";
-        416 text: [u8; TEXT_LENGTH] ["UTF-8", "valid UTF-8 over text_length bytes, 0 after them"]
+        416 believed_normal: [f64; 3] ["1", "finite"]
+            "Outward surface normal as it is believed to be, base frame, as in the record; 0 before the first cycle.";
+        440 text: [u8; TEXT_LENGTH] ["UTF-8", "valid UTF-8 over text_length bytes, 0 after them"]
             "For a person: what was done, or why it was refused.";
     }
 }
 
 impl ResponseSample {
+    /// Angle in rad between the believed surface normal and the one in force, as that of the record.
+    pub fn believed_tilt_rad(&self) -> f64 {
+        super::angle_between(&self.believed_normal, &self.surface_normal)
+    }
+
     /// Sets the text, cut at a character boundary if it does not fit.
     pub fn set_text(&mut self, text: &str) {
         let mut length = text.len().min(TEXT_LENGTH);

@@ -170,5 +170,10 @@ fn status_shows_what_is_believed_of_a_surface_of_which_a_range_is_told() {
         assert!(text_before.contains(" N/m, 20000 to 200000 (of a range that is told"), "{text_before}");
         let [least, most] = band(after);
         assert!(0.8e5 < least && least < 1e5 && 1e5 < most && most < 1.2e5, "{least} to {most} N/m: {text_after}");
+        // The plant has left the surface. What f̂ showed while it faded was the softest of the range.
+        let json = output(ctl_command(&ipc, "status", &config).arg("--json")).1;
+        let left: serde_json::Value = serde_json::from_str(&json).expect("one JSON object");
+        let likeliest = left["believed_stiffness_n_m"].as_f64().expect("there was a sample");
+        assert!((0.8e5..1.2e5).contains(&likeliest), "{likeliest} N/m out of contact: {json}");
     });
 }

@@ -1,5 +1,6 @@
 //! `admittancectl report`: the figures of a recording.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::ops::Range;
@@ -69,6 +70,8 @@ struct Series {
     measured: Vec<Point>,
     truth: Vec<Point>,
     cycles: u64,
+    /// Records that answered no sample, by their kind: a replay compares those too.
+    others: BTreeMap<&'static str, u64>,
     first_contact_s: Option<f64>,
     changes: Changes,
     beliefs: Beliefs,
@@ -96,6 +99,8 @@ impl Series {
                     series.changes.add(&record, time_s);
                     if is_sample {
                         series.add(record, time_s, config);
+                    } else {
+                        *series.others.entry(RecordKind::name_of(record.kind)).or_default() += 1;
                     }
                 }
                 Item::Truth(truth) => {
@@ -113,16 +118,12 @@ impl Series {
 
     fn add(&mut self, record: Box<RecordSample>, time_s: f64, config: &Config) {
         self.cycles += 1;
-        self.beliefs.add(&record, time_s);
+        let tcp_m = tcp_position(config, &record.state).unwrap_or([f64::NAN; 3]);
+        self.beliefs.add(&record, time_s, &tcp_m);
         if record.command.active_axes != 0 {
             self.first_contact_s.get_or_insert(time_s);
         }
-        self.measured.push(Point {
-            time_s,
-            force: record.wrench,
-            offset: record.command.velocity_offset,
-            tcp_m: tcp_position(config, &record.state).unwrap_or([f64::NAN; 3]),
-        });
+        self.measured.push(Point { time_s, force: record.wrench, offset: record.command.velocity_offset, tcp_m });
         self.last = Some(record);
     }
 
@@ -216,7 +217,7 @@ fn figures(config: &Config, series: &Series, whole: Range<f64>) -> Vec<(&'static
             "TCP trajectory in the initial contact phase",
             paths(&curves, [AXIS_NAMES[along], AXIS_NAMES[up]], x, y),
         ));
-        let believed = series.beliefs.chart(time);
+        let believed = series.beliefs.chart(time, config.environment.normal_tolerance_rad > 0.0);
         figures.extend(believed.map(|chart| ("what was believed of the surface, initial contact phase", chart)));
     }
     figures
@@ -229,7 +230,7 @@ fn table(config: &Config, series: &Series) -> String {
     let command = series.last.as_ref().map(|last| last.command);
     let count = |of: fn(&ipc_types::CommandSample) -> u64| command.as_ref().map_or(0, of).to_string();
     let mut rows = vec![
-        ("cycles".to_owned(), series.cycles.to_string()),
+        ("cycles that answered a sample".to_owned(), series.cycles.to_string()),
         (format!("peak measured |f_{}| in {unit}", AXIS_NAMES[axis]), format!("{:.1}", peak(&series.measured))),
         (format!("force limit in {unit}"), config.contact.force_limit[axis].to_string()),
         (
@@ -255,6 +256,11 @@ fn table(config: &Config, series: &Series) -> String {
             ),
         ];
         rows.splice(2..2, of_truth);
+    }
+    if !series.others.is_empty() {
+        let kinds: Vec<String> = series.others.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
+        let what = "records of silences and orders, which a replay counts as cycles too".to_owned();
+        rows.insert(1, (what, kinds.join(", ")));
     }
     rows.extend(series.beliefs.rows());
     if !series.complete {

@@ -1,6 +1,7 @@
 //! `admittancectl status`.
 
 use admittance_core::quantities::Span;
+use admittance_host::config::fixed;
 use ipc_types::{Law, RequestKind, ResponseSample};
 
 use super::status_json::{Said, schema, values};
@@ -54,6 +55,14 @@ pub(crate) fn status(args: &StatusArgs) -> Result<Exit, (Exit, String)> {
                 "believed          {:.0} N/m, {least:.0} to {most:.0} (of a range that is told; one standard deviation)",
                 response.believed_stiffness_n_m
             );
+            let tilt = response.believed_tilt_rad();
+            if tilt > 0.0 {
+                println!(
+                    "believed normal   {}, {} degrees from the one that is told",
+                    coordinates(&response.believed_normal),
+                    fixed(tilt.to_degrees(), 1)
+                );
+            }
         }
         println!("velocity offset   {} (m/s, rad/s)", axes_text(&response.velocity_offset));
         println!(
@@ -96,5 +105,5 @@ fn enabled_text(response: &ResponseSample) -> &'static str {
 }
 
 fn coordinates(values: &[f64; 3]) -> String {
-    values.map(|value| format!("{value:.4}")).join(" ")
+    values.map(|value| fixed(value, 4)).join(" ")
 }

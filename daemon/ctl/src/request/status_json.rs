@@ -154,6 +154,10 @@ keys! {
         is told, else that stiffness; once there was a sample.",
         |said| of_sample(said, said.response.believed_stiffness_band_n_m.to_vec()), if present;
     surface_normal: point, "Outward surface normal in force, base frame.", |said| said.response.surface_normal.to_vec();
+    believed_normal: point, "Outward surface normal as it is believed to be, base frame; once there was a sample.",
+        |said| of_sample(said, said.response.believed_normal.to_vec()), if present;
+    believed_tilt_rad: number, "rad: angle between believed_normal and surface_normal; 0 where no tolerance of the normal is \
+        told. Once there was a sample.", |said| of_sample(said, said.response.believed_tilt_rad()), if present;
     contact_point_m: point, "m: a point of the surface as it is believed to be, base frame.",
         |said| said.response.contact_point.to_vec();
     uptime_ns: count, "ns since the start of the daemon, as are all counts.", |said| said.response.uptime_ns;

@@ -76,10 +76,10 @@ struct VerdictArgs {
     #[arg(long, value_enum)]
     surface: Option<unknown::Told>,
     /// With --surface: standard deviation of the wrench's noise in N, which is told.
-    #[arg(long, default_value_t = 0.0, requires = "surface")]
+    #[arg(long, default_value_t = 0.0, value_parser = unknown::noise, requires = "surface", allow_hyphen_values = true)]
     noise_n: f64,
     /// With --surface: from which share of surfaces that can't be kept on to stop, contact.risk.
-    #[arg(long, requires = "surface")]
+    #[arg(long, value_parser = unknown::risk, requires = "surface", allow_hyphen_values = true)]
     risk: Option<f64>,
     #[command(flatten)]
     not_as_told: unknown::NotAsTold,
@@ -125,6 +125,13 @@ fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
     if let Some(told) = args.surface {
         let VerdictArgs { noise_n, risk, not_as_told, seed, .. } = *args;
         let world = unknown::World { told, noise_n, risk, not_as_told, seed };
+        if told == unknown::Told::Known && not_as_told.tilt_deg > 0.0 {
+            eprintln!(
+                "--tilt-deg {} with --surface known: without a range of the stiffness no tolerance of the normal is told, and the \
+                 tilt is not learned; range3, range10 and range50 learn it",
+                not_as_told.tilt_deg
+            );
+        }
         if let Some(index) = args.index {
             print!("{}", world.describe(index).map_err(|why| (Exit::Internal, why))?);
             return Ok(Exit::Ok);

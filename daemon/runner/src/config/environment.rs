@@ -29,7 +29,10 @@ config_section! {
         /// learned at touch, and the law keeps the limit for all that it may still be.
         /// normal_stiffness_n_m is what is believed before. Absent: that is the stiffness.
         stiffness_range_n_m: Option<[f64; 2]>, unit "N/m", range 100.0..=1e8;
-        /// With a range: by how much the surface may be deeper or less deep than contact_point_m.
+        /// With a range: by how much the surface may be deeper or less deep at touch, along
+        /// surface_normal, than the plane through contact_point_m. With normal_tolerance_rad the tilt
+        /// times the distance from that point comes on top. Absent with contact = "detected": then it
+        /// may begin at any depth.
         contact_tolerance_m: Option<f64>, unit "m", range 1e-6..=1.0;
         /// With a range: by how much the surface may be tilted against surface_normal. Then the normal
         /// is learned too, from the path that the tool takes over the surface. 0: it is told.

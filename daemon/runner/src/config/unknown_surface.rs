@@ -1,8 +1,8 @@
 //! A surface of which only a range is told: what such a range must be.
 
-use admittance_host::config::ConfigError;
+use admittance_host::config::{ConfigError, short};
 
-use super::{Config, ContactPointName, EnvironmentSection};
+use super::{Config, ContactPointName, EnvironmentSection, LawName};
 
 /// Greatest stiffness of a range over its least. A touch is seen at β: in the hardest surface the
 /// tool is by then so many times less deep than in the softest, and the horizon, the nodes of the
@@ -18,6 +18,20 @@ impl EnvironmentSection {
 }
 
 impl Config {
+    /// Of a range with a law that has no model of the surface.
+    pub(super) fn unknown_surface_without_mpc(&self) -> Vec<String> {
+        let range = self.environment.unknown_stiffness().filter(|_| self.control.law == LawName::Damping);
+        let warning = |(least, most)| {
+            format!(
+                "environment.stiffness_range_n_m = [{}, {}] N/m with control.law = \"damping\": the range has no effect on \
+                 what that law commands; leave it out, or set control.law = \"mpc\"",
+                short(least),
+                short(most)
+            )
+        };
+        range.map(warning).into_iter().collect()
+    }
+
     /// Of a range with a wrench that is told to be free of noise.
     pub(super) fn unknown_surface_without_noise(&self) -> Vec<String> {
         let environment = &self.environment;
@@ -50,10 +64,17 @@ pub(super) fn check(environment: &EnvironmentSection, path: &str, errors: &mut V
         }
     }
     let is_unknown = environment.unknown_stiffness().is_some();
+    // A range of length zero is there and yet none: that has to be said.
+    let without_range = |value: &str| match environment.stiffness_range_n_m {
+        Some([least, most]) if least == most => format!(
+            "{value} with {path}.stiffness_range_n_m = [{least:?}, {most:?}] N/m, which tells one stiffness; or a range \
+             whose least is below its most"
+        ),
+        Some(_) | None => format!("{value} without a range in {path}.stiffness_range_n_m"),
+    };
     let is_told = environment.contact == ContactPointName::Configured;
     if environment.normal_tolerance_rad > 0.0 && !is_unknown {
-        let accepted = format!("0 without a range in {path}.stiffness_range_n_m");
-        wants("normal_tolerance_rad", format!("{:?}", environment.normal_tolerance_rad), accepted);
+        wants("normal_tolerance_rad", format!("{:?}", environment.normal_tolerance_rad), without_range("0"));
     }
     match environment.contact_tolerance_m {
         None if is_unknown && is_told => {
@@ -62,8 +83,7 @@ pub(super) fn check(environment: &EnvironmentSection, path: &str, errors: &mut V
             wants("contact_tolerance_m", "absent".to_owned(), accepted);
         }
         Some(found) if !is_unknown => {
-            let accepted = format!("absent without a range in {path}.stiffness_range_n_m");
-            wants("contact_tolerance_m", format!("{found:?}"), accepted);
+            wants("contact_tolerance_m", format!("{found:?}"), without_range("absent"));
         }
         Some(found) if !is_told => {
             wants("contact_tolerance_m", format!("{found:?}"), format!("absent with {path}.contact = \"detected\""));
@@ -120,7 +140,35 @@ mod tests {
         });
         assert_eq!(errors, "");
         assert!(warnings.len() == 1 && warnings[0].contains("wrench_noise_n = 0 N"), "{warnings:?}");
-        // A range of length zero is a stiffness.
+        // A range of length zero is a stiffness: there is nothing that a tolerance could belong to.
+        for (key, accepted) in [("contact_tolerance_m = 0.001", "absent"), ("normal_tolerance_rad = 0.1", "0")] {
+            let (errors, _) = said(|environment| {
+                environment.stiffness_range_n_m = Some([1e5, 1e5]);
+                environment.contact_tolerance_m = Some(1e-3);
+                environment.normal_tolerance_rad = 0.1;
+            });
+            let whole = format!(
+                "environment.{key}: accepted: {accepted} with environment.stiffness_range_n_m = [100000.0, 100000.0] N/m, \
+                 which tells one stiffness; or a range whose least is below its most"
+            );
+            assert!(errors.contains(&whole), "{errors}");
+        }
         assert_eq!(said(|environment| environment.stiffness_range_n_m = Some([1e5, 1e5])), (String::new(), Vec::new()));
+    }
+
+    #[test]
+    fn a_range_that_the_law_does_not_use_is_warned_of() {
+        let text = include_str!("../../../../deploy/demo/mpc-default.toml");
+        let mut config: Config = parse(text, "mpc-default.toml").unwrap();
+        config.control.law = LawName::Damping;
+        assert_eq!(config.unknown_surface_without_mpc(), Vec::<String>::new());
+        config.environment.stiffness_range_n_m = Some([1e4, 5e5]);
+        let warnings = config.warnings();
+        assert!(
+            warnings.iter().any(|warning| warning.starts_with(
+                "environment.stiffness_range_n_m = [10000, 500000] N/m with control.law = \"damping\": the range has no effect"
+            )),
+            "{warnings:?}"
+        );
     }
 }

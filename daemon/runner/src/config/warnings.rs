@@ -13,7 +13,15 @@ const FASTEST_ANSWER_S: f64 = 50e-6;
 impl Config {
     /// Sentences about this (checked) configuration, for whoever loads it.
     pub fn warnings(&self) -> Vec<String> {
-        [self.noise(), self.unknown_surface_without_noise(), self.distance(), self.budget(), self.forces()].concat()
+        [
+            self.noise(),
+            self.unknown_surface_without_noise(),
+            self.unknown_surface_without_mpc(),
+            self.distance(),
+            self.budget(),
+            self.forces(),
+        ]
+        .concat()
     }
 
     fn noise(&self) -> Vec<String> {

@@ -2,9 +2,9 @@
 //! contact depth c, the slope of the surface along the path, and how that bends. The spring's force
 //! at depth x is k x − θ: linear in what is not known.
 //!
-//! Slope and bend are along the heading, the direction of the last 0.2 mm of the path. Where the
-//! normal is learned the slope goes over into it cycle by cycle, with the tilt across the path that
-//! the direction of the force shows (`tilt`).
+//! Slope and bend are along the heading: at first the direction in which the tool got 10 µm along the
+//! surface, and then that of every further 0.2 mm. Where the normal is learned the slope goes over
+//! into it cycle by cycle, with the tilt across the path that the direction of the force shows (`tilt`).
 
 use nalgebra::{SMatrix, SVector, Vector3};
 

@@ -10,8 +10,8 @@
 //! | touch | cells between contact depths on the way just travelled, each a least squares | `touch`, `bank`, `cell` |
 //! | hold | a Kalman filter over (m, k, θ = k c, slope, bend) | `hold`, `tilt` |
 //!
-//! Touch goes over to hold 20 ms and a lag of f̂ after it was noticed; contact lost for 8 ms leads back, with what
-//! is known of k, for one second.
+//! Touch goes over to hold once it is certain, and where the normal is told not before 20 ms and a lag of f̂ after it
+//! was noticed; contact lost for 8 ms leads back, with what is known of k, for one second.
 //!
 //! The set of z deviations is {cost ≤ least + z² · max(1, least / (n − 2))}. On a plane all rows of
 //! the force are one row in depth, so that a set costs no row: what the law asks for are the depths

@@ -14,7 +14,7 @@ use super::closed_loop;
 use super::controller::{self, Profile, Variant};
 use super::draw::{ACTIVATION_THRESHOLD_N, Draw, SOFTEST_N_M};
 use figures::Figures;
-pub(crate) use not_as_told::NotAsTold;
+pub(crate) use not_as_told::{NotAsTold, noise, risk};
 use run::Seen;
 
 /// Stiffness of the hardest surface drawn, in N/m: of fifty times the softest.

@@ -1,6 +1,8 @@
 //! What nobody told of the worlds of a study: the surface's normal, friction, damping, the lag and the
 //! bias of the wrench.
 
+use std::ops::RangeInclusive;
+
 use serde::Serialize;
 
 use super::super::draw::Draw;
@@ -9,26 +11,62 @@ use super::super::draw::Draw;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, clap::Args)]
 pub(crate) struct NotAsTold {
     /// With --surface: the surface's normal is up to so many degrees from the told one.
-    #[arg(long, default_value_t = 0.0, value_name = "DEGREES", value_parser = tilt, requires = "surface")]
+    #[arg(long, default_value_t = 0.0, value_name = "DEGREES", value_parser = tilt, requires = "surface", allow_hyphen_values = true)]
     pub(crate) tilt_deg: f64,
     /// With --surface: Coulomb's coefficient of friction.
-    #[arg(long, default_value_t = 0.0, requires = "surface")]
+    #[arg(long, default_value_t = 0.0, value_parser = friction, requires = "surface", allow_hyphen_values = true)]
     pub(crate) friction: f64,
     /// With --surface: damping of the surface along its normal, N s/m.
-    #[arg(long, default_value_t = 0.0, value_name = "N S/M", requires = "surface")]
+    #[arg(long, default_value_t = 0.0, value_name = "N S/M", value_parser = damping, requires = "surface", allow_hyphen_values = true)]
     pub(crate) damping: f64,
     /// With --surface: T_est that is told, of the true one.
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", requires = "surface")]
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", value_parser = told_lag, requires = "surface", allow_hyphen_values = true)]
     pub(crate) told_lag: f64,
     /// With --surface: what the wrench shows beside the force, against it or with it along the normal, N.
-    #[arg(long, default_value_t = 0.0, value_name = "N", requires = "surface")]
+    #[arg(long, default_value_t = 0.0, value_name = "N", value_parser = bias, requires = "surface", allow_hyphen_values = true)]
     pub(crate) bias_n: f64,
 }
 
+/// What environment.normal_tolerance_rad accepts.
 fn tilt(text: &str) -> Result<f64, String> {
-    let tilt: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    // What environment.normal_tolerance_rad accepts.
-    if (0.0..=20.0).contains(&tilt) { Ok(tilt) } else { Err("0 to 20 degrees".to_owned()) }
+    within(text, 0.0..=20.0, "degrees")
+}
+
+/// What a scenario accepts as surface.friction.
+fn friction(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=2.0, "")
+}
+
+/// What a scenario accepts as surface.damping_n_s_m.
+fn damping(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=1e5, "N s/m")
+}
+
+/// What leaves contact.wrench_time_constant_s in its range, whatever is drawn.
+fn told_lag(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=10.0, "times the true lag")
+}
+
+/// What a scenario accepts as sensor.bias.
+fn bias(text: &str) -> Result<f64, String> {
+    within(text, -1e4..=1e4, "N")
+}
+
+/// β is five of them, and below the least force limit that is drawn, 50 N.
+pub(crate) fn noise(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=9.9, "N")
+}
+
+/// What contact.risk accepts.
+pub(crate) fn risk(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=1.0, "")
+}
+
+/// A number of an option, refused before anything runs.
+fn within(text: &str, accepted: RangeInclusive<f64>, unit: &str) -> Result<f64, String> {
+    let range = format!("accepted: {} to {} {unit}", accepted.start(), accepted.end()).trim_end().to_owned();
+    let value: f64 = text.parse().map_err(|_| format!("not a number; {range}"))?;
+    if accepted.contains(&value) { Ok(value) } else { Err(range) }
 }
 
 impl NotAsTold {
