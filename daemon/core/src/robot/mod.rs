@@ -1,5 +1,5 @@
 //! The arm: a serial chain of revolute joints, its forward kinematics Ψ(q), Jacobian J(q) and
-//! J⁻¹(q).
+//! J⁻¹(q), and the dynamics of its rigid bodies (1).
 //!
 //! Everything is expressed in the base frame; the tool centre point (TCP) is the chain's last
 //! frame.
@@ -23,6 +23,7 @@
 
 mod arms;
 mod chain;
+mod dynamics;
 mod inverse;
 mod limits;
 mod posture;
@@ -30,6 +31,7 @@ mod velocity_loops;
 
 pub use arms::SUPPORTED_ARMS;
 pub use chain::{Chain, ChainError, Joint, Kinematics, Pose, rotation_from_rpy};
+pub use dynamics::{ArmDynamics, DynamicsAt, DynamicsError, LinkInertia};
 pub use inverse::{InverseJacobian, Singular, right_inverse};
 pub use limits::{Interval, MotionLimits};
 pub use posture::Posture;

@@ -6,6 +6,7 @@ mod common;
 mod condensation;
 mod constraint_rows;
 mod controller;
+mod dynamics;
 mod free_motion;
 mod jump;
 mod kinematics;
