@@ -259,7 +259,8 @@ fn table(config: &Config, series: &Series) -> String {
     }
     if !series.others.is_empty() {
         let kinds: Vec<String> = series.others.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
-        let what = "records of silences and orders, which a replay counts as cycles too".to_owned();
+        let what =
+            "records besides, of silences and orders; a replay counts those after its begin as cycles too".to_owned();
         rows.insert(1, (what, kinds.join(", ")));
     }
     rows.extend(series.beliefs.rows());
