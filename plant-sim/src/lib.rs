@@ -2,7 +2,7 @@
 //! estimate (6).
 //!
 //! The data path: [`scenario`] → [`setup`] → [`plant`] ([`motion`] and the client's playback give
-//! the joint reference, [`joint_loop`] follows it, [`environment`] pushes back,
+//! the joint reference, [`joints`] follow it: [`joint_loop`] or [`rigid_body`]; [`environment`] pushes back,
 //! [`wrench_estimate`], [`noise`], [`wrench_sensor`] and [`faults`] make the sample) → [`run`] in
 //! virtual time, or `shell` in real time.
 
@@ -10,11 +10,13 @@ mod args;
 pub mod environment;
 pub mod faults;
 pub mod joint_loop;
+pub mod joints;
 pub mod maxwell;
 pub mod motion;
 pub mod noise;
 pub mod plant;
 pub mod pose;
+pub mod rigid_body;
 pub mod run;
 pub mod scenario;
 pub mod setup;
@@ -24,5 +26,11 @@ pub mod tool_inertia;
 pub mod wrench_estimate;
 pub mod wrench_sensor;
 
+use admittance_core::quantities::Span;
+
 pub use args::Args;
 pub use shell::main_with_args;
+
+fn seconds(duration_ns: u64) -> f64 {
+    Span::from_nanoseconds(duration_ns).seconds()
+}

@@ -18,12 +18,13 @@ use retreat::Retreat;
 
 use crate::environment::{Contact, Surface};
 use crate::faults::FaultKind;
-use crate::joint_loop::{JointState, JointStep};
+use crate::joint_loop::JointState;
+use crate::joints::PreparedStep;
 use crate::maxwell::Creep;
 use crate::motion::{MINIMUM_RECIPROCAL_CONDITION, advance_reference};
+use crate::seconds;
 use crate::wrench_estimate::{DelayLine, EstimateStep};
 use admittance_client::{Applied, Playback, Reception, Rejection};
-use admittance_core::quantities::Span;
 use admittance_core::robot::{Chain, Kinematics, right_inverse};
 use ipc_types::{CommandSample, StateSample, TruthSample};
 use nalgebra::{SVector, Vector3};
@@ -31,7 +32,7 @@ use nalgebra::{SVector, Vector3};
 #[derive(Debug, Clone, Copy)]
 struct Substep<const N: usize, const D: usize> {
     duration_ns: u64,
-    joints: JointStep<N>,
+    joints: PreparedStep<N>,
     /// Part of the way to the true q̇ that the reported one goes.
     velocity_share: f64,
     estimate: EstimateStep<D>,
@@ -71,7 +72,8 @@ pub struct Plant<const N: usize, const D: usize> {
 
 impl<const N: usize, const D: usize> Plant<N, D> {
     /// The plant at its first sample.
-    pub fn new(parameters: PlantParameters<N, D>) -> Self {
+    pub fn new(mut parameters: PlantParameters<N, D>) -> Self {
+        parameters.joints = parameters.joints.resting_at(&parameters.start);
         let kinematics = parameters.chain.kinematics(&parameters.start);
         let creep = Creep::default();
         let contact = contact_of(parameters.surface.as_ref(), &kinematics, &SVector::zeros(), &creep);
@@ -226,7 +228,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
 
     /// Integrates to an instant within the current cycle, as [`Self::integrate`] would pass through
     /// it.
-    pub(crate) fn integrate_partly(&mut self, instant_ns: u64, rest_s: f64) {
+    pub(crate) fn integrate_partly(&mut self, instant_ns: u64) {
         let start_ns = self.now_ns;
         let twist = self.twist_reference();
         self.playback.apply_due(self.now_ns);
@@ -237,10 +239,6 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             self.update_reference(&twist);
         }
         self.integrate_until(instant_ns, start_ns);
-        let step = self.parameters.joints.step(rest_s);
-        let reference = self.dead_time.reached(self.now_ns);
-        step.advance(&mut self.joints, &reference);
-        self.kinematics = self.parameters.chain.kinematics(&self.joints.position);
     }
 
     /// How long the current cycle lasts.
@@ -314,16 +312,12 @@ impl<const N: usize, const D: usize> Plant<N, D> {
 /// any arm.
 const NO_SURFACE_GAP_M: f64 = 1e6;
 
-fn seconds(duration_ns: u64) -> f64 {
-    Span::from_nanoseconds(duration_ns).seconds()
-}
-
 fn substep_of<const N: usize, const D: usize>(parameters: &PlantParameters<N, D>, duration_ns: u64) -> Substep<N, D> {
     let duration_s = seconds(duration_ns);
     let lag_s = parameters.velocity_lag_s;
     Substep {
         duration_ns,
-        joints: parameters.joints.step(duration_s),
+        joints: parameters.joints.prepare(duration_ns),
         velocity_share: if lag_s > 0.0 { -(-duration_s / lag_s).exp_m1() } else { 1.0 },
         estimate: parameters.estimate.step(duration_s),
     }

@@ -9,6 +9,7 @@ use admittance_host::{config_file, config_section};
 use nalgebra::Vector3;
 
 use crate::faults::FaultKind;
+use crate::rigid_body::RigidBodySection;
 
 config_section! {
     /// Cycle and integration.
@@ -176,6 +177,9 @@ config_section! {
         ipc: IpcSection;
         /// The arm as it really is.
         robot: RobotDescription;
+        /// Masses, friction and drives of the arm; when absent its joints follow (4), whatever they
+        /// press on.
+        rigid_body: Option<RigidBodySection>;
         /// Cycle and integration.
         timing: TimingSection;
         /// Where the arm starts.
@@ -214,8 +218,16 @@ fn sizes(scenario: &Scenario, _: &str, errors: &mut Vec<ConfigError>) {
     };
     check("start.joint_position_rad".into(), scenario.start.joint_position_rad.len(), joints, "joint");
     check("wrench.time_constant_s".into(), scenario.wrench.time_constant_s.len(), axes, "task axis");
+    if let Some(arm) = &scenario.rigid_body {
+        check("rigid_body.joint".into(), arm.joint.len(), joints, "joint");
+    }
     for (index, motion) in scenario.motion.iter().enumerate() {
         check(format!("motion[{index}].twist"), motion.twist.len(), axes, "task axis");
+    }
+    let damping = scenario.robot.velocity_loop.as_ref().and_then(|beyond| beyond.damping.as_ref());
+    if scenario.rigid_body.is_some() && damping.is_some_and(|damping| damping.iter().any(|damping| *damping > 0.0)) {
+        let key = "robot.velocity_loop.damping";
+        errors.push(ConfigError::new(key, format!("{damping:?}"), "none with [rigid_body], whose drives follow (4)"));
     }
     if scenario.start.contact_time_s.is_some() && scenario.surface.is_none() {
         errors.push(ConfigError::new("start.contact_time_s", "given", "a [surface] to touch, or no contact_time_s"));

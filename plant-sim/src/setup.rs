@@ -2,12 +2,13 @@
 //! asked for.
 
 use admittance_core::quantities::Span;
-use admittance_core::robot::{Chain, Pose, SUPPORTED_ARMS, right_inverse};
+use admittance_core::robot::{Chain, DynamicsError, Pose, SUPPORTED_ARMS, right_inverse};
 use nalgebra::{SVector, Vector3};
 
 use crate::environment::Surface;
 use crate::faults::{Fault, Faults};
 use crate::joint_loop::JointLoop;
+use crate::joints::Joints;
 use crate::maxwell::Maxwell;
 use crate::motion::{CommandedMotion, MINIMUM_RECIPROCAL_CONDITION};
 use crate::noise::{Noise, NoiseLevels};
@@ -27,6 +28,9 @@ pub enum SetupError {
         /// Task axes.
         axes: u32,
     },
+    /// The masses are those of no arm.
+    #[error("rigid_body: {0}")]
+    Masses(#[from] DynamicsError),
     /// The arm starts where J has no inverse.
     #[error(
         "start.joint_position_rad = {position:?}: J is not invertible there (reciprocal condition {found:.1e}, accepted: at \
@@ -89,12 +93,19 @@ pub fn plant<const N: usize, const D: usize>(
     let in_samples = |seconds| samples(seconds, timing.sampling_time_s);
     let vector = |values: &[f64]| SVector::<f64, D>::from_column_slice(values);
     let joints = |values: &[f64]| SVector::<f64, N>::from_column_slice(values);
-    let loops = scenario.robot.velocity_loops::<N>().ok_or(wrong_arm)?;
+    let loops = scenario.robot.velocity_loops::<N>().ok_or(wrong_arm.clone())?;
+    let start = joints(&scenario.start.joint_position_rad);
     let parameters = PlantParameters {
-        joints: JointLoop::new(loops.time_constant, loops.damping),
+        joints: match &scenario.rigid_body {
+            None => Joints::FirstOrder(JointLoop::new(loops.time_constant, loops.damping)),
+            Some(section) => {
+                let arm = section.arm(&chain, loops.time_constant, &start).ok_or(wrong_arm)??;
+                Joints::RigidBody(Box::new(arm))
+            }
+        },
         dead_time_ns: std::array::from_fn(|joint| nanoseconds(loops.dead_time[joint])),
         velocity_lag_s: loops.report_lag,
-        start: joints(&scenario.start.joint_position_rad),
+        start,
         surface: scenario.surface.as_ref().map(|surface| Surface {
             point: surface.point_m.into(),
             normal: Vector3::from(surface.normal).normalize(),
@@ -196,6 +207,7 @@ fn free_position<const N: usize, const D: usize>(
 ) -> Option<Vector3<f64>> {
     let mut plant = Plant::new(PlantParameters {
         start,
+        joints: parameters.joints.smooth(&start),
         surface: None,
         sensor: None,
         velocity_lag_s: 0.0,
@@ -209,7 +221,7 @@ fn free_position<const N: usize, const D: usize>(
         plant.integrate_unseen();
     }
     if plant.now_ns() < end_ns {
-        plant.integrate_partly(end_ns, 0.0);
+        plant.integrate_partly(end_ns);
     }
     (!plant.met_singularity()).then(|| plant.tcp_position())
 }

@@ -4,8 +4,9 @@ use admittance_client::Applied;
 use ipc_types::{MAX_JOINTS, Motion, StateSample, TASK_AXES, TruthSample};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
-use super::{Plant, seconds};
+use super::Plant;
 use crate::environment::Contact;
+use crate::seconds;
 
 /// What the shell measured about one cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -41,7 +42,7 @@ impl Peaks {
 impl<const N: usize, const D: usize> Plant<N, D> {
     /// Builds the sample of the current instant.
     pub(super) fn measure(&mut self) {
-        let (mut position, mut velocity) = (self.joints.position, self.reported_velocity);
+        let ((mut position, _), mut velocity) = (self.parameters.joints.shown(&self.joints), self.reported_velocity);
         let mut wrench = if self.delay_line.is_none() {
             *self.parameters.estimate.estimate()
         } else {

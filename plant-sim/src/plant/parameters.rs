@@ -5,7 +5,7 @@ use nalgebra::SVector;
 
 use crate::environment::Surface;
 use crate::faults::Faults;
-use crate::joint_loop::JointLoop;
+use crate::joints::Joints;
 use crate::motion::CommandedMotion;
 use crate::noise::Noise;
 use crate::wrench_estimate::WrenchEstimate;
@@ -16,8 +16,8 @@ use crate::wrench_sensor::WrenchSensor;
 pub struct PlantParameters<const N: usize, const D: usize> {
     /// Kinematics of the arm.
     pub chain: Chain<N>,
-    /// Velocity loops of the joints (4).
-    pub joints: JointLoop<N>,
+    /// What the joints are.
+    pub joints: Joints<N>,
     /// How long a reference takes to reach each loop, in ns.
     pub dead_time_ns: [u64; N],
     /// Time constant of the lag with which q̇ is reported, in s; 0 = none.

@@ -5,7 +5,8 @@ use admittance_client::Applied;
 use ipc_types::TASK_AXES;
 use nalgebra::SVector;
 
-use super::{Plant, seconds};
+use super::Plant;
+use crate::seconds;
 
 /// Speed out of the surface in m/s.
 const SPEED_M_S: f64 = 0.05;

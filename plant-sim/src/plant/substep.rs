@@ -1,8 +1,9 @@
 //! A step over which the joint reference is constant: joints, surface, tool and wrench estimate.
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3, Vector6};
 
-use super::{Plant, contact_of, seconds, substep_of};
+use super::{Plant, contact_of, substep_of};
+use crate::seconds;
 use crate::tool_inertia::Tool;
 
 impl<const N: usize, const D: usize> Plant<N, D> {
@@ -14,7 +15,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         if self.contact.penetration >= 0.0 {
             return false;
         }
-        let speed = self.parameters.joints.most_speed(&self.joints, reference);
+        let Some(speed) = self.parameters.joints.most_speed(&self.joints, reference) else { return false };
         self.contact.penetration + speed.dot(&self.reach) * seconds(duration_ns) < 0.0
     }
 
@@ -23,7 +24,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         // What a tool's inertia adds is no straight line over a long step, nor is a velocity that is
         // reported with a lag.
         let shows_speed = self.tool().is_some() || self.parameters.velocity_lag_s > 0.0;
-        let speed = self.parameters.joints.most_speed(&self.joints, reference);
+        let Some(speed) = self.parameters.joints.most_speed(&self.joints, reference) else { return false };
         if shows_speed && speed.iter().any(|speed| *speed > 0.0) {
             return false;
         }
@@ -54,13 +55,21 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         // A reference that jumps lets the accelerations jump.
         let inertia = self.inertia_of_tool(reference);
         self.parameters.estimate.jump(&(inertia - self.tool_inertia));
-        step.joints.advance(&mut self.joints, reference);
+        let (chain, surface, creep) = (&self.parameters.chain, self.parameters.surface.as_ref(), &self.creep);
+        let load = |position: &SVector<f64, N>, velocity: &SVector<f64, N>| {
+            let force = surface.map_or_else(Vector3::zeros, |_| {
+                contact_of(surface, &chain.kinematics(position), velocity, creep).force
+            });
+            Vector6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0)
+        };
+        self.parameters.joints.advance(&step.joints, &mut self.joints, reference, &load);
         self.now_ns += duration_ns;
         if !is_free {
             self.look(duration_ns);
         }
         self.tool_inertia = self.inertia_of_tool(reference);
-        self.reported_velocity += (self.joints.velocity - self.reported_velocity) * step.velocity_share;
+        let (_, shown) = self.parameters.joints.shown(&self.joints);
+        self.reported_velocity += (shown - self.reported_velocity) * step.velocity_share;
         let pressing = SVector::from_fn(|axis, _| if axis < 3 { self.contact.force[axis] } else { 0.0 });
         self.parameters.estimate.advance(&step.estimate, &(pressing + self.tool_inertia));
         if !self.delay_line.is_none() {

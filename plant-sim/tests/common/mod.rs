@@ -14,6 +14,9 @@ pub(crate) const PLANAR_FREE: &str = include_str!("../../scenarios/planar-free.t
 /// Six joints and a floor.
 pub(crate) const SIX_JOINT: &str = include_str!("../../scenarios/six-joint.toml");
 
+/// The same arm with masses.
+pub(crate) const SIX_JOINT_MASSES: &str = include_str!("../../scenarios/six-joint-masses.toml");
+
 /// A shipped scenario.
 pub(crate) fn scenario(text: &str) -> Scenario {
     parse(text, "scenario").expect("the shipped scenario is valid")

@@ -94,6 +94,7 @@ impl Approach {
             name: "limits".to_owned(),
             ipc: config.ipc.clone(),
             robot: config.robot.clone(),
+            rigid_body: None,
             timing: TimingSection {
                 sampling_time_s,
                 command_delay_s: config.control.command_delay_s,

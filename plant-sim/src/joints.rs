@@ -1,0 +1,99 @@
+//! The seam between the plant and what its joints are: the speed loops of (4), or the rigid bodies
+//! of (1) with their drives.
+
+use nalgebra::SVector;
+
+use crate::joint_loop::{JointLoop, JointState, JointStep};
+use crate::rigid_body::{Load, RigidBody};
+
+/// The joints of a plant.
+#[derive(Debug, Clone)]
+pub enum Joints<const N: usize> {
+    /// They follow their reference as (4) says, whatever they press on.
+    FirstOrder(JointLoop<N>),
+    /// They have masses, and the contact pushes back.
+    RigidBody(Box<RigidBody<N>>),
+}
+
+/// What of a step depends on its length alone.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum PreparedStep<const N: usize> {
+    /// The whole step.
+    FirstOrder(JointStep<N>),
+    /// Its length in ns.
+    RigidBody(u64),
+}
+
+impl<const N: usize> Joints<N> {
+    /// The step of an interval.
+    pub(crate) fn prepare(&self, duration_ns: u64) -> PreparedStep<N> {
+        match self {
+            Self::FirstOrder(loops) => PreparedStep::FirstOrder(loops.step(crate::seconds(duration_ns))),
+            Self::RigidBody(_) => PreparedStep::RigidBody(duration_ns),
+        }
+    }
+
+    /// The state at the end of a step under a velocity reference in rad/s.
+    pub(crate) fn advance(
+        &mut self,
+        step: &PreparedStep<N>,
+        state: &mut JointState<N>,
+        reference: &SVector<f64, N>,
+        load: Load<'_, N>,
+    ) {
+        match (self, step) {
+            (_, PreparedStep::FirstOrder(step)) => step.advance(state, reference),
+            (Self::RigidBody(arm), PreparedStep::RigidBody(duration_ns)) => {
+                arm.advance(state, reference, *duration_ns, load);
+            }
+            // Prepared for the other kind.
+            (Self::FirstOrder(loops), PreparedStep::RigidBody(duration_ns)) => {
+                loops.step(crate::seconds(*duration_ns)).advance(state, reference);
+            }
+        }
+    }
+
+    /// Joint accelerations in rad/s² under a velocity reference in rad/s; of rigid bodies the mean of
+    /// the last step.
+    pub(crate) fn acceleration(&self, state: &JointState<N>, reference: &SVector<f64, N>) -> SVector<f64, N> {
+        match self {
+            Self::FirstOrder(loops) => loops.acceleration(state, reference),
+            Self::RigidBody(_) => state.acceleration,
+        }
+    }
+
+    /// Speeds in rad/s that the joints do not exceed while the reference stays; `None` where masses
+    /// swing as they will.
+    pub(crate) fn most_speed(&self, state: &JointState<N>, reference: &SVector<f64, N>) -> Option<SVector<f64, N>> {
+        match self {
+            Self::FirstOrder(loops) => Some(loops.most_speed(state, reference)),
+            Self::RigidBody(_) => None,
+        }
+    }
+
+    /// Position in rad and velocity in rad/s as the encoders show them.
+    pub(crate) fn shown(&self, state: &JointState<N>) -> (SVector<f64, N>, SVector<f64, N>) {
+        match self {
+            Self::FirstOrder(_) => (state.position, state.velocity),
+            Self::RigidBody(arm) => arm.shown(),
+        }
+    }
+
+    /// The same joints at rest at a position in rad.
+    #[must_use]
+    pub(crate) fn resting_at(&self, start: &SVector<f64, N>) -> Self {
+        match self {
+            Self::FirstOrder(loops) => Self::FirstOrder(*loops),
+            Self::RigidBody(arm) => Self::RigidBody(Box::new(arm.resting_at(start))),
+        }
+    }
+
+    /// The same joints at rest, without what makes their way jump with its start.
+    #[must_use]
+    pub(crate) fn smooth(&self, start: &SVector<f64, N>) -> Self {
+        match self {
+            Self::FirstOrder(loops) => Self::FirstOrder(*loops),
+            Self::RigidBody(arm) => Self::RigidBody(Box::new(arm.without_encoder_steps(start))),
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The drives: a PI speed loop for each joint, and the torques that a model of the whole arm asks for.
+//!
+//! The reference passes through (4) first, so that it has an acceleration: of a drive whose model is
+//! right, on an arm without friction, (4) is then what the joint does.
+
+use admittance_core::robot::ArmDynamics;
+use nalgebra::{SVector, Vector6};
+
+/// The parameters of the drives of N joints.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DriveParameters<const N: usize> {
+    /// Time between two ticks in ns, above zero.
+    pub period_ns: u64,
+    /// T_V of (4) in s.
+    pub time_constant_s: SVector<f64, N>,
+    /// Torque by speed error, N m s/rad.
+    pub gain: SVector<f64, N>,
+    /// Time in s in which the integral part of a lasting error grows to its proportional part.
+    pub integral_time_s: f64,
+    /// Largest torque either way, N m.
+    pub torque_limit: SVector<f64, N>,
+    /// What M q̈ + C q̇ + G of the reference is multiplied by: 1 is a model that is right, 0 is none.
+    pub feed_forward_factor: f64,
+    /// Step of the encoders on the joints' side in rad; 0 where they have none.
+    pub encoder_step: SVector<f64, N>,
+}
+
+impl<const N: usize> DriveParameters<N> {
+    pub(super) fn without_steps(&self) -> Self {
+        Self { encoder_step: SVector::zeros(), ..self.clone() }
+    }
+}
+
+/// The drives as they run.
+#[derive(Debug, Clone)]
+pub(super) struct Drive<const N: usize> {
+    /// With all rotors on their joints.
+    model: ArmDynamics<N>,
+    parameters: DriveParameters<N>,
+    /// What is left of the distance from the reference after a period (4).
+    decay: SVector<f64, N>,
+    /// What q̇ should be, rad/s.
+    desired: SVector<f64, N>,
+    integral: SVector<f64, N>,
+    /// As the encoders showed it at the last tick, rad.
+    seen: SVector<f64, N>,
+    measured_velocity: SVector<f64, N>,
+}
+
+impl<const N: usize> Drive<N> {
+    /// At rest with the motors at `position`, where `torque` holds them.
+    pub(super) fn new(
+        model: ArmDynamics<N>,
+        parameters: DriveParameters<N>,
+        position: &SVector<f64, N>,
+        torque: &SVector<f64, N>,
+    ) -> Self {
+        let period_s = crate::seconds(parameters.period_ns);
+        let mut drive = Self {
+            decay: parameters.time_constant_s.map(|time_constant| (-period_s / time_constant).exp()),
+            model,
+            parameters,
+            desired: SVector::zeros(),
+            integral: SVector::zeros(),
+            seen: SVector::zeros(),
+            measured_velocity: SVector::zeros(),
+        };
+        drive.seen = drive.quantised(position);
+        drive.integral = torque - drive.feed_forward(&SVector::zeros());
+        drive
+    }
+
+    pub(super) fn model(&self) -> &ArmDynamics<N> {
+        &self.model
+    }
+
+    pub(super) fn parameters(&self) -> &DriveParameters<N> {
+        &self.parameters
+    }
+
+    pub(super) fn period_ns(&self) -> u64 {
+        self.parameters.period_ns
+    }
+
+    /// Difference of the encoders over the last period, rad/s.
+    pub(super) fn measured_velocity(&self) -> &SVector<f64, N> {
+        &self.measured_velocity
+    }
+
+    /// What the encoders show of motors at a position in rad.
+    pub(super) fn quantised(&self, position: &SVector<f64, N>) -> SVector<f64, N> {
+        position.zip_map(&self.parameters.encoder_step, |position, step| {
+            if step > 0.0 { (position / step).round() * step } else { position }
+        })
+    }
+
+    /// M q̈ + C q̇ + G of the reference at the position that is seen, as far as the drive knows.
+    fn feed_forward(&self, acceleration: &SVector<f64, N>) -> SVector<f64, N> {
+        if self.parameters.feed_forward_factor == 0.0 {
+            return SVector::zeros();
+        }
+        let needed = self.model.at(&self.seen).torque(&self.desired, acceleration, &Vector6::zeros());
+        needed * self.parameters.feed_forward_factor
+    }
+
+    /// The torques from here to the next tick, from the motors' position in rad and the velocity
+    /// reference in rad/s.
+    pub(super) fn tick(&mut self, position: &SVector<f64, N>, reference: &SVector<f64, N>) -> SVector<f64, N> {
+        let period_s = crate::seconds(self.parameters.period_ns);
+        let seen = self.quantised(position);
+        self.measured_velocity = (seen - self.seen) / period_s;
+        self.seen = seen;
+        let next = reference + (self.desired - reference).component_mul(&self.decay);
+        let forward = self.feed_forward(&((next - self.desired) / period_s));
+        let mut torque = SVector::zeros();
+        for joint in 0..N {
+            let error = self.desired[joint] - self.measured_velocity[joint];
+            let proportional = self.parameters.gain[joint] * error;
+            let asked = forward[joint] + proportional + self.integral[joint];
+            let limit = self.parameters.torque_limit[joint];
+            torque[joint] = asked.clamp(-limit, limit);
+            // Anti-windup: at its limit a drive sums up nothing that leads further beyond it.
+            if asked.abs() <= limit || asked * error < 0.0 {
+                self.integral[joint] += proportional * period_s / self.parameters.integral_time_s;
+            }
+        }
+        self.desired = next;
+        torque
+    }
+}
