@@ -1,7 +1,9 @@
 //! An arm that may follow later than told (`control.lag_tolerance_s`): its impacts are softer, and what
 //! was attainable before still is.
 
-use end_to_end::closed_loop::Experiment;
+use admittance_runner::config::ContactPointName;
+use end_to_end::closed_loop::{Experiment, NORMAL};
+use ipc_types::Verdict;
 
 /// Instants of contact within a sample.
 const INSTANTS: u32 = 8;
@@ -9,6 +11,16 @@ const INSTANTS: u32 = 8;
 fn tolerant(sampling_time: f64, speed: f64, lag_tolerance_s: f64) -> Experiment {
     let mut experiment = Experiment::paper(sampling_time, speed);
     experiment.config.control.lag_tolerance_s = lag_tolerance_s;
+    experiment
+}
+
+/// The same of which only a range of the stiffness is told.
+fn of_a_range(mut experiment: Experiment) -> Experiment {
+    let environment = &mut experiment.config.environment;
+    environment.stiffness_range_n_m = Some([5e4, 2e5]);
+    (environment.contact, environment.contact_point_m) = (ContactPointName::Detected, None);
+    environment.wrench_noise_n = 0.5;
+    experiment.scenario.noise.wrench = 0.5;
     experiment
 }
 
@@ -41,6 +53,33 @@ fn what_can_just_be_kept_is_not_refused() {
     for (sampling_time, speed) in [(0.004, 0.31), (0.001, 0.62)] {
         let (peak, _) = peaks(&tolerant(sampling_time, speed, 0.01));
         println!("{sampling_time} s, {speed} m/s: {peak:.1} N");
-        assert!(peak <= 1.005 * 200.0 / end_to_end::closed_loop::NORMAL[1], "{sampling_time} s: {peak} N");
+        assert!(peak <= 1.005 * 200.0 / NORMAL[1], "{sampling_time} s: {peak} N");
+    }
+}
+
+#[test]
+fn a_range_leaves_free_as_much_and_refuses_nothing() {
+    for (sampling_time, speed) in [(0.004, 0.2), (0.001, 0.3)] {
+        for delay in [0.0, 0.001] {
+            let of = |lag: f64| peaks(&of_a_range(tolerant(sampling_time, speed, lag)).with_delay(delay)).0;
+            let (told, late) = (of(0.0), of(0.005));
+            println!("{sampling_time} s, {speed} m/s, delay {delay} s: {told:.1} N, and {late:.1} N with a tolerance");
+            assert!(late < told, "{sampling_time} s: {late} of {told} N");
+        }
+    }
+}
+
+/// What is left free below the limit belongs to the margin: it is newtons that the force may grow by.
+#[test]
+fn a_margin_counts_from_the_limit() {
+    // Of a range the margin is that of the hardest surface that may be there.
+    let cases = [(tolerant(0.004, 0.22, 0.005), 0.7), (of_a_range(tolerant(0.004, 0.15, 0.005)), 0.1)];
+    for (experiment, part) in cases {
+        let run = experiment.run();
+        let feasible = run.instants.iter().filter(|at| at.command.verdict == Verdict::Feasible.code());
+        let least = feasible.map(|at| at.command.verdict_margin).fold(f64::INFINITY, f64::min);
+        println!("least margin {least:.1} N, peak {:.1} N along the normal", run.peak_normal());
+        let free = 200.0 - run.peak_normal() * NORMAL[1];
+        assert!((part * free..=1.2 * free).contains(&least), "{least} N, {free} N are free");
     }
 }

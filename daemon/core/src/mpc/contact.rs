@@ -6,7 +6,7 @@ use nalgebra::SVector;
 use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
-use super::every_surface::{deepest_of, helped, nearest_limit, of_set, pressed_late, pressing_everywhere};
+use super::every_surface::{deepest_of, free_below, helped, nearest_limit, of_set, pressed_late, pressing_everywhere};
 use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
@@ -48,18 +48,29 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // A plan that rides on the limit would miss it by what the linear model leaves out.
         // A set has its own room: what is uncertain.
         let room = if situation.belief.set().is_some() { 0.0 } else { ROOM };
-        let level = -room * tolerance;
-        let levels =
-            [self.reserved(situation, demand).map_or(level, |reserved| level.min(reserved)), level, 0.0, tolerance];
+        let levels = [-room * tolerance, 0.0, tolerance];
         let mut level = levels[0];
-        let mut solution = self.press_within(level, situation, demand, expired);
+        // What an arm that follows late would press deeper: without a plan that leaves it free, it is
+        // as if nobody had asked for that.
+        let late = if demand.settles { 0.0 } else { pressed_late(&self.settings, situation) };
+        let mut before = 0;
+        if late > 0.0 {
+            match self.press_within(level, late, situation, demand, expired) {
+                Solution::Planned { plan, mut verdict, iterations } => {
+                    verdict.count_from(level.min(0.0), &force_limit);
+                    return Solution::Planned { plan, verdict, iterations }.with(&self.plan);
+                }
+                other => before = other.iterations(),
+            }
+        }
+        let mut solution = self.press_within(level, 0.0, situation, demand, expired).after(before);
         for next in levels {
             let Solution::Infeasible { verdict: Verdict::Infeasible { axis, shortfall, .. }, iterations } = solution
             else {
                 break;
             };
             if next > level && shortfall <= (next - level) * force_limit[axis] {
-                let wider = self.press_within(next, situation, demand, expired);
+                let wider = self.press_within(next, 0.0, situation, demand, expired);
                 let is_answer = matches!(wider, Solution::Planned { .. } | Solution::Infeasible { .. });
                 // Without another solution the one before stands, if it is about the limit itself.
                 if is_answer || level < 0.0 {
@@ -75,22 +86,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         solution.with(&self.plan)
     }
 
-    /// The level at which an arm that follows later than told still keeps the limit, or the lowest
-    /// one that can be kept; `None` for an arm that follows as told.
-    fn reserved(&self, situation: &Situation<'_, N, D>, demand: &Demand<D>) -> Option<f64> {
-        if self.settings.options.lag_tolerance <= 0.0 || situation.belief.set().is_some() {
-            return None;
-        }
-        let (_, limit) = nearest_limit(&self.settings, situation, &demand.signs)?;
-        let (deepest, _) = deepest_of(&self.settings, situation);
-        let free = limit - pressed_late(&self.settings, situation);
-        Some(free.max(helped(deepest, limit, 0.0)) / limit - 1.0)
-    }
-
-    /// (18) with every f_max larger by this part.
+    /// (18) with every f_max larger by the part `tolerance`, and `late` N along the normal left free
+    /// below it, as far as full outward speed allows.
     fn press_within(
         &mut self,
         tolerance: f64,
+        late: f64,
         situation: &Situation<'_, N, D>,
         demand: &Demand<D>,
         expired: &mut dyn FnMut() -> bool,
@@ -102,10 +103,15 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             InputSelection::All => settings.admittance,
         };
         let set = situation.belief.set();
-        let of_set = set.and_then(|set| of_set(self, set, situation, &demand.signs, tolerance));
+        let of_set = set.and_then(|set| of_set(self, set, situation, &demand.signs, (tolerance, late)));
         if let Some(verdict) = of_set.and_then(|bounds| bounds.stop()) {
             return Solution::Infeasible { verdict, iterations: 0 };
         }
+        let free = match &of_set {
+            Some(bounds) => bounds.free,
+            None if late > 0.0 => self.free_of(late, tolerance, situation, demand),
+            None => 0.0,
+        };
         // Where every surface that may be there presses with a force, as that of the likeliest.
         let pressing = |force: f64| set.map_or(force, |set| pressing_everywhere(set, situation, force));
         let mut bounds = ForceBounds::none();
@@ -117,7 +123,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
                 bounds.push(of_set.bound(axis, sign, minimum, &surface.normal));
                 continue;
             }
-            bounds.push(AxisBound { axis, sign, minimum, maximum: options.force_limit[axis] * (1.0 + tolerance) });
+            let maximum = options.force_limit[axis] * (1.0 + tolerance) - free * surface.normal[axis].abs();
+            bounds.push(AxisBound { axis, sign, minimum, maximum });
         }
         let is_soft = options.lower_bound == LowerBound::OnceReached;
         let holds = is_soft && bounds.as_slice().iter().any(|bound| bound.minimum > f64::NEG_INFINITY);
@@ -235,13 +242,26 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             slack: holds.then_some(KEPT),
         };
         let solution = self.solve(situation, &prediction, known_twist, expired);
-        let solution = solution.shifted(start.delay, situation.belief.uncertainty());
+        let mut solution = solution.shifted(start.delay, situation.belief.uncertainty());
+        if let Solution::Planned { verdict, .. } = &mut solution {
+            verdict.count_free(free, &surface.normal);
+        }
         match (solution, of_set.and_then(|bounds| bounds.at_risk())) {
             (Solution::Planned { plan, iterations, .. }, Some(verdict)) => {
                 Solution::Planned { plan, verdict, iterations }
             }
             (solution, _) => solution,
         }
+    }
+}
+
+impl<const N: usize, const D: usize, S, B> Mpc<N, D, S, B> {
+    /// What of `late` N along the normal can be left free below the limits of a surface that is told.
+    fn free_of(&self, late: f64, tolerance: f64, situation: &Situation<'_, N, D>, demand: &Demand<D>) -> f64 {
+        nearest_limit(&self.settings, situation, &demand.signs).map_or(0.0, |(_, limit)| {
+            let (deepest, _) = deepest_of(&self.settings, situation);
+            free_below(limit * (1.0 + tolerance), late, helped(deepest, limit, 0.0))
+        })
     }
 }
 

@@ -33,6 +33,8 @@ const MOST_MINIMUM: f64 = 0.7;
 pub(super) struct SetBounds {
     /// Upper bound along the normal, N of the likeliest surface.
     pub maximum: f64,
+    /// What is left free above it for an arm that follows late, in N of the likeliest surface.
+    pub free: f64,
     /// By how much the tool is deeper now than where the first surface reaches f_max before it could be
     /// back, N of the likeliest surface.
     excess: f64,
@@ -57,14 +59,14 @@ pub(super) struct Risk {
     pub is_hopeless: bool,
 }
 
-/// The bounds of a set for axes with these signs, from the start of the prediction; `None` where no
-/// axis is bounded.
+/// The bounds of a set for axes with these signs, from the start of the prediction, with every limit
+/// larger by the part `tolerance` and `late` N left free below it; `None` where no axis is bounded.
 pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>>(
     mpc: &Mpc<N, D, S, B>,
     set: &SurfaceSet,
     situation: &Situation<'_, N, D>,
     signs: &[f64; D],
-    tolerance: f64,
+    (tolerance, late): (f64, f64),
 ) -> Option<SetBounds> {
     let settings = &mpc.settings;
     let (axis, limit) = nearest_limit(settings, situation, signs)?;
@@ -76,11 +78,11 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
     let helped = helped(deepest, limit, tolerance);
     if set.likeliest().is_none() {
         // A force that no surface explains yet is none that may be exceeded.
-        return Some(SetBounds { maximum: limit.max(helped), risk: None, excess: 0.0 });
+        return Some(SetBounds { maximum: limit.max(helped), free: 0.0, risk: None, excess: 0.0 });
     }
     if reached >= deepest {
-        let free = reached - pressed_late(settings, situation);
-        return Some(SetBounds { maximum: free.max(helped).min(reached), risk: None, excess: 0.0 });
+        let free = free_below(reached, late, helped);
+        return Some(SetBounds { maximum: reached - free, free, risk: None, excess: 0.0 });
     }
     let deepest_depth = depth(deepest);
     let share = set.share_above(limit, deepest_depth, path);
@@ -95,7 +97,7 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
     // Where it has to be back the slope is another one than where it is deepest.
     let back = || shown(set.depths_of(limit, SURE, BACK * speed_along(situation)).0);
     let excess = scaled_now(situation) - if set.learns_normal() { back() } else { reached };
-    Some(SetBounds { maximum: helped, risk: Some(risk), excess })
+    Some(SetBounds { maximum: helped, free: 0.0, risk: Some(risk), excess })
 }
 
 /// The bounded axis whose limit comes first, and that limit along the normal in N.
@@ -113,6 +115,11 @@ pub(super) fn nearest_limit<const N: usize, const D: usize>(
 /// The bound in N that a deepest point that can't be helped leaves.
 pub(super) fn helped(deepest: f64, limit: f64, tolerance: f64) -> f64 {
     deepest + (ROOM + tolerance) * deepest.max(limit)
+}
+
+/// What of `late` N is left free below a bound above zero: the row stays above what can't be helped.
+pub(super) fn free_below(bound: f64, late: f64, helped: f64) -> f64 {
+    late.min(bound - helped.max(0.0)).max(0.0)
 }
 
 /// What an arm that moves in as it does now presses more in N within the time by which it may follow later than

@@ -73,6 +73,13 @@ impl Verdict {
         }
     }
 
+    /// Counts a margin from the limit itself, where the bound left `free` N along the normal below it.
+    pub(super) fn count_free<const D: usize>(&mut self, free: f64, normal: &SVector<f64, D>) {
+        if let Self::Feasible { margin, axis, .. } = self {
+            *margin += free * normal[*axis].abs();
+        }
+    }
+
     /// Counts its time from `delay` s earlier, and reduces its margin by `uncertainty` N.
     pub(super) fn shift(&mut self, delay: f64, uncertainty: f64) {
         match self {

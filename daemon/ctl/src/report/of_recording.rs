@@ -119,7 +119,10 @@ impl Series {
     fn add(&mut self, record: Box<RecordSample>, time_s: f64, config: &Config) {
         self.cycles += 1;
         let tcp_m = tcp_position(config, &record.state).unwrap_or([f64::NAN; 3]);
-        self.beliefs.add(&record, time_s, &tcp_m);
+        // Without a pose nothing is known of where the surface begins.
+        if tcp_m.iter().all(|part| part.is_finite()) {
+            self.beliefs.add(&record, time_s, &tcp_m);
+        }
         if record.command.active_axes != 0 {
             self.first_contact_s.get_or_insert(time_s);
         }

@@ -56,9 +56,9 @@ config_section! {
         /// controller.
         command_delay_s: f64 = 0.0, unit "s", range 0.0..=0.2;
         /// By how much later than the model says the arm may follow its commands: speed loops that are
-        /// slower or of a higher order than told, delays that nobody told. While the arm moves in, a
-        /// plan leaves free what it would press deeper in this time, as far as it can: an impact is
-        /// softer, and the tool may leave the surface once more after it.
+        /// slower or of a higher order than told, delays that nobody told. Until the arm was
+        /// halted, a plan leaves free below the limit what it would press deeper in this time, where it
+        /// can: an impact is softer, and the tool may leave the surface after it.
         lag_tolerance_s: f64 = 0.0, unit "s", range 0.0..=0.02;
         /// An answer published later than this after the sample's stamp is late; the solver is cut
         /// short before.

@@ -32,6 +32,18 @@ impl Config {
         range.map(warning).into_iter().collect()
     }
 
+    /// Of an arm that may follow late, with the law that does not predict it.
+    pub(super) fn lag_tolerance_without_mpc(&self) -> Vec<String> {
+        let tolerance = self.control.lag_tolerance_s;
+        if self.control.law != LawName::Damping || tolerance == 0.0 {
+            return Vec::new();
+        }
+        vec![format!(
+            "control.lag_tolerance_s = {tolerance} s with control.law = \"damping\": the tolerance has no effect on what that \
+             law commands; leave it out, or set control.law = \"mpc\""
+        )]
+    }
+
     /// Of a range with a wrench that is told to be free of noise.
     pub(super) fn unknown_surface_without_noise(&self) -> Vec<String> {
         let environment = &self.environment;
@@ -162,6 +174,10 @@ mod tests {
         let mut config: Config = parse(text, "mpc-default.toml").unwrap();
         config.control.law = LawName::Damping;
         assert_eq!(config.unknown_surface_without_mpc(), Vec::<String>::new());
+        assert_eq!(config.lag_tolerance_without_mpc(), Vec::<String>::new());
+        config.control.lag_tolerance_s = 0.005;
+        let of_lag = "control.lag_tolerance_s = 0.005 s with control.law = \"damping\": the tolerance has no effect";
+        assert!(config.warnings().iter().any(|warning| warning.starts_with(of_lag)), "{:?}", config.warnings());
         config.environment.stiffness_range_n_m = Some([1e4, 5e5]);
         let warnings = config.warnings();
         assert!(

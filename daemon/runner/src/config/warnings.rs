@@ -17,6 +17,7 @@ impl Config {
             self.noise(),
             self.unknown_surface_without_noise(),
             self.unknown_surface_without_mpc(),
+            self.lag_tolerance_without_mpc(),
             self.distance(),
             self.budget(),
             self.forces(),

@@ -202,7 +202,8 @@ fn a_held_surface_is_followed() {
 
 #[test]
 fn a_surface_that_is_harder_than_told_is_found_out() {
-    for (stiffness, is_outside) in [(2e6, true), (4.5e5, false)] {
+    // The range ends at 5e5 N/m.
+    for (stiffness, is_outside) in [(2e6, true), (7.5e5, true), (5.5e5, false), (4.5e5, false)] {
         let mut world = World { stiffness, begins: 0.0123, speed: 0.1, noise: 0.5, seed: 3 };
         let mut set = set(0.5);
         let exact = shown(&world, world.begins, -30, 45);

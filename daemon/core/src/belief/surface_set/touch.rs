@@ -32,8 +32,9 @@ const CERTAIN: f64 = 100.0;
 const UNLIKELY: f64 = 1e-6;
 /// How many times harder than told a surface may be for it to be learned.
 pub(super) const HARDEST: f64 = 100.0;
-/// Part by which a surface must be harder than the hardest to count as out of range: a fit is no better
-/// than T_est is told, and by a second touch, while f̂ still shows the first, worse.
+/// Part by which a surface is harder than the hardest that must explain the samples better for it to be
+/// out of range: one that is clearly nearer to this than to the hardest. A fit is no better than T_est is
+/// told, and by a second touch, while f̂ still shows the first, worse: 12 % too hard where T_est was 11 % off.
 const OUTSIDE: f64 = 1.25;
 
 /// The best surface of each cell, as the last sample left them.
