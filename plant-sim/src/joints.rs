@@ -17,20 +17,20 @@ pub enum Joints<const N: usize> {
 
 /// What of a step depends on its length alone.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum PreparedStep<const N: usize> {
-    /// The whole step.
-    FirstOrder(JointStep<N>),
-    /// Its length in ns.
-    RigidBody(u64),
+pub(crate) struct PreparedStep<const N: usize> {
+    duration_ns: u64,
+    /// Of the loops of (4).
+    loops: Option<JointStep<N>>,
 }
 
 impl<const N: usize> Joints<N> {
     /// The step of an interval.
     pub(crate) fn prepare(&self, duration_ns: u64) -> PreparedStep<N> {
-        match self {
-            Self::FirstOrder(loops) => PreparedStep::FirstOrder(loops.step(crate::seconds(duration_ns))),
-            Self::RigidBody(_) => PreparedStep::RigidBody(duration_ns),
-        }
+        let loops = match self {
+            Self::FirstOrder(loops) => Some(loops.step(crate::seconds(duration_ns))),
+            Self::RigidBody(_) => None,
+        };
+        PreparedStep { duration_ns, loops }
     }
 
     /// The state at the end of a step under a velocity reference in rad/s.
@@ -41,15 +41,12 @@ impl<const N: usize> Joints<N> {
         reference: &SVector<f64, N>,
         load: Load<'_, N>,
     ) {
-        match (self, step) {
-            (_, PreparedStep::FirstOrder(step)) => step.advance(state, reference),
-            (Self::RigidBody(arm), PreparedStep::RigidBody(duration_ns)) => {
-                arm.advance(state, reference, *duration_ns, load);
+        match self {
+            Self::FirstOrder(loops) => {
+                let step = step.loops.unwrap_or_else(|| loops.step(crate::seconds(step.duration_ns)));
+                step.advance(state, reference);
             }
-            // Prepared for the other kind.
-            (Self::FirstOrder(loops), PreparedStep::RigidBody(duration_ns)) => {
-                loops.step(crate::seconds(*duration_ns)).advance(state, reference);
-            }
+            Self::RigidBody(arm) => arm.advance(state, reference, step.duration_ns, load),
         }
     }
 

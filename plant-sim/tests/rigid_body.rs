@@ -101,6 +101,29 @@ fn halving_the_step_changes_no_peak() {
     }
 }
 
+/// Halving the step of a method of second order leaves a quarter of its error, and of one of first
+/// order a half.
+#[test]
+fn the_error_of_a_step_goes_with_its_square() {
+    let mut free = scenario(SIX_JOINT_MASSES);
+    free.surface = None;
+    free.start.contact_time_s = None;
+    for joint in &mut free.rigid_body.as_mut().expect("masses").joint {
+        joint.encoder_counts = None;
+        // A jump of dry friction at zero has no order.
+        (joint.coulomb_friction_n_m, joint.breakaway_friction_n_m) = (0.0, None);
+    }
+    // Parts of a tick of the drives.
+    let with_step = |substep_s: f64| {
+        let mut scenario = free.clone();
+        scenario.timing.substep_s = substep_s;
+        run_at_rest(&scenario)
+    };
+    let [coarse, middle, fine] = [125e-6, 62.5e-6, 31.25e-6].map(with_step);
+    let (first, second) = (apart(&coarse, &middle, 1.0), apart(&middle, &fine, 1.0));
+    assert!(first > 3.0 * second && second > 0.0, "{first:e} rad, with half the step {second:e} rad");
+}
+
 #[test]
 fn a_drive_gives_no_more_than_its_limit() {
     let mut weak = scenario(SIX_JOINT_MASSES);

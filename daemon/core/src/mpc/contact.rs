@@ -6,7 +6,8 @@ use nalgebra::SVector;
 use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
-use super::every_surface::{deepest_of, free_below, helped, nearest_limit, of_set, pressed_late, pressing_everywhere};
+use super::every_surface::{of_set, pressing_everywhere};
+use super::late_arm::{free_of_told, pressed_late};
 use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
@@ -109,7 +110,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         }
         let free = match &of_set {
             Some(bounds) => bounds.free,
-            None if late > 0.0 => self.free_of(late, tolerance, situation, demand),
+            None if late > 0.0 => free_of_told(&settings, situation, &demand.signs, (tolerance, late)),
             None => 0.0,
         };
         // Where every surface that may be there presses with a force, as that of the likeliest.
@@ -252,16 +253,6 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             }
             (solution, _) => solution,
         }
-    }
-}
-
-impl<const N: usize, const D: usize, S, B> Mpc<N, D, S, B> {
-    /// What of `late` N along the normal can be left free below the limits of a surface that is told.
-    fn free_of(&self, late: f64, tolerance: f64, situation: &Situation<'_, N, D>, demand: &Demand<D>) -> f64 {
-        nearest_limit(&self.settings, situation, &demand.signs).map_or(0.0, |(_, limit)| {
-            let (deepest, _) = deepest_of(&self.settings, situation);
-            free_below(limit * (1.0 + tolerance), late, helped(deepest, limit, 0.0))
-        })
     }
 }
 

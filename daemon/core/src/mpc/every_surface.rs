@@ -6,8 +6,9 @@
 
 use nalgebra::SVector;
 
-use super::constraints::{AxisBound, ForceBounds};
-use super::full_outward::{deepest_force, outward};
+use super::constraints::AxisBound;
+use super::full_outward::{deepest_of, helped, outward};
+use super::late_arm::free_below;
 use super::qp::QpSolver;
 use super::{Mpc, Settings, Situation, Verdict};
 use crate::belief::SurfaceSet;
@@ -23,8 +24,6 @@ const PRESSING: f64 = 1.0;
 /// most.
 const BACK: f64 = 0.01;
 const BACK_PART: f64 = 0.8;
-/// Part of f_max by which the row of a depth that can't be helped leaves room.
-const ROOM: f64 = 1e-3;
 /// A lower bound is at most this part of the upper one.
 const MOST_MINIMUM: f64 = 0.7;
 
@@ -112,27 +111,6 @@ pub(super) fn nearest_limit<const N: usize, const D: usize>(
     bounded.map(|axis| (axis, along(axis))).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The bound in N that a deepest point that can't be helped leaves.
-pub(super) fn helped(deepest: f64, limit: f64, tolerance: f64) -> f64 {
-    deepest + (ROOM + tolerance) * deepest.max(limit)
-}
-
-/// What of `late` N is left free below a bound above zero: the row stays above what can't be helped.
-pub(super) fn free_below(bound: f64, late: f64, helped: f64) -> f64 {
-    late.min(bound - helped.max(0.0)).max(0.0)
-}
-
-/// What an arm that moves in as it does now presses more in N within the time by which it may follow later than
-/// told.
-pub(super) fn pressed_late<const N: usize, const D: usize>(
-    settings: &Settings<N, D>,
-    situation: &Situation<'_, N, D>,
-) -> f64 {
-    let surface = situation.belief.surface();
-    let outward = surface.outward_speed(&(situation.sample.posture.jacobian() * situation.joints.velocity));
-    surface.normal_stiffness() * (-outward).max(0.0) * settings.options.lag_tolerance
-}
-
 /// The force of the likeliest surface now, along the normal, N.
 fn scaled_now<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -> f64 {
     situation.belief.surface().spring_force(situation.sample.posture.pose())
@@ -143,24 +121,6 @@ fn speed_along<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) 
     let (_, beside) =
         situation.belief.surface().parts(&(situation.sample.posture.jacobian() * situation.joints.velocity));
     beside.norm()
-}
-
-/// The deepest point that can't be helped, in N of the likeliest surface, and when it is, s from the
-/// sample.
-pub(super) fn deepest_of<const N: usize, const D: usize>(
-    settings: &Settings<N, D>,
-    situation: &Situation<'_, N, D>,
-) -> (f64, f64) {
-    let surface = situation.belief.surface();
-    // What comes until the inputs act, as a force above a bound of zero.
-    let largest = surface.normal.iamax();
-    let mut above_zero = ForceBounds::none();
-    let sign = -surface.normal[largest].signum();
-    above_zero.push(AxisBound { axis: largest, sign, minimum: f64::NEG_INFINITY, maximum: 0.0 });
-    let start = situation.at_action(settings, &above_zero);
-    let until = start.verdict.map_or(0.0, |verdict| verdict.shortfall()) / surface.normal[largest].abs();
-    let (after, time) = deepest_force(settings, situation, &start.state);
-    if until > after { (until, start.delay) } else { (after, start.delay + time) }
 }
 
 /// Depth in m of a force of the likeliest surface, and the other way round.

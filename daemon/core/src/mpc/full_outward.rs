@@ -2,6 +2,7 @@
 
 use nalgebra::SVector;
 
+use super::constraints::{AxisBound, ForceBounds};
 use super::model::State;
 use super::{Discretization, Settings, Situation};
 
@@ -11,9 +12,35 @@ const LAGS: usize = 5;
 /// An axis without input keeps its twist within this, m/s and rad/s.
 const SAME: f64 = 1e-9;
 
+/// Part of f_max by which the row of a depth that can't be helped leaves room.
+const ROOM: f64 = 1e-3;
+
+/// The deepest point that can't be helped, in N of the likeliest surface, and when it is, s from the
+/// sample.
+pub(super) fn deepest_of<const N: usize, const D: usize>(
+    settings: &Settings<N, D>,
+    situation: &Situation<'_, N, D>,
+) -> (f64, f64) {
+    let surface = situation.belief.surface();
+    // What comes until the inputs act, as a force above a bound of zero.
+    let largest = surface.normal.iamax();
+    let mut above_zero = ForceBounds::none();
+    let sign = -surface.normal[largest].signum();
+    above_zero.push(AxisBound { axis: largest, sign, minimum: f64::NEG_INFINITY, maximum: 0.0 });
+    let start = situation.at_action(settings, &above_zero);
+    let until = start.verdict.map_or(0.0, |verdict| verdict.shortfall()) / surface.normal[largest].abs();
+    let (after, time) = deepest_force(settings, situation, &start.state);
+    if until > after { (until, start.delay) } else { (after, start.delay + time) }
+}
+
+/// The bound in N that a deepest point that can't be helped leaves.
+pub(super) fn helped(deepest: f64, limit: f64, tolerance: f64) -> f64 {
+    deepest + (ROOM + tolerance) * deepest.max(limit)
+}
+
 /// The largest force along the normal from the state `start` on in N, by the spring as it is
 /// believed to be, and when it is in s.
-pub(super) fn deepest_force<const N: usize, const D: usize>(
+fn deepest_force<const N: usize, const D: usize>(
     settings: &Settings<N, D>,
     situation: &Situation<'_, N, D>,
     start: &State<N, D>,

@@ -63,6 +63,7 @@ mod growing_steps;
 pub mod horizon;
 mod inward_speed;
 mod joint_response;
+mod late_arm;
 #[doc(hidden)]
 pub mod model;
 mod options;

@@ -16,6 +16,13 @@ pub struct Joint {
     pub axis: Vector3<f64>,
 }
 
+impl Joint {
+    /// Turn by q in rad about its axis, of length 1.
+    pub(super) fn turn(&self, q: f64) -> Matrix3<f64> {
+        Rotation3::from_axis_angle(&Unit::new_unchecked(self.axis), q).into_inner()
+    }
+}
+
 /// Position and orientation of a frame in the base frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
@@ -140,7 +147,7 @@ impl<const N: usize> Chain<N> {
             rotation *= joint.rotation;
             axes[index] = rotation * joint.axis;
             origins[index] = position;
-            rotation *= Rotation3::from_axis_angle(&Unit::new_unchecked(joint.axis), q[index]).into_inner();
+            rotation *= joint.turn(q[index]);
         }
         position += rotation * self.tool.position;
         rotation *= self.tool.rotation;

@@ -1,10 +1,12 @@
 //! Dynamics against golden/dynamics.json, which Pinocchio computes, and against what must hold of
 //! any arm.
 
-use admittance_core::robot::{ArmDynamics, Chain, DynamicsError, Joint, LinkInertia, Pose, rotation_from_rpy};
+use admittance_core::robot::{ArmDynamics, Chain, DynamicsError, LinkInertia};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use proptest::prelude::*;
 use serde::Deserialize;
+
+use crate::common::golden_chain::GoldenChain;
 
 /// Relative to the largest entry of an answer.
 const AGREEMENT: f64 = 1e-9;
@@ -17,25 +19,12 @@ struct Golden {
 #[derive(Deserialize)]
 struct Arm {
     name: String,
-    joints: Vec<JointData>,
-    tool: FrameData,
+    #[serde(flatten)]
+    chain: GoldenChain,
     links: Vec<LinkData>,
     reflected: Vec<f64>,
     gravity: [f64; 3],
     cases: Vec<Case>,
-}
-
-#[derive(Deserialize)]
-struct JointData {
-    origin: [f64; 3],
-    rpy: [f64; 3],
-    axis: [f64; 3],
-}
-
-#[derive(Deserialize)]
-struct FrameData {
-    origin: [f64; 3],
-    rpy: [f64; 3],
 }
 
 #[derive(Deserialize)]
@@ -74,7 +63,8 @@ struct Answers {
 fn golden<const N: usize>() -> (Arm, ArmDynamics<N>) {
     let golden: Golden = serde_json::from_str(include_str!("../golden/dynamics.json"))
         .expect("the golden file is what its script wrote");
-    let arm = golden.arms.into_iter().find(|arm| arm.joints.len() == N).expect("one arm for each number of joints");
+    let arm =
+        golden.arms.into_iter().find(|arm| arm.chain.joints.len() == N).expect("one arm for each number of joints");
     let dynamics = dynamics(&arm);
     (arm, dynamics)
 }
@@ -88,17 +78,8 @@ fn dynamics<const N: usize>(arm: &Arm) -> ArmDynamics<N> {
             inertia: Matrix3::from_fn(|row, column| link.inertia[row][column]),
         }
     });
-    ArmDynamics::new(chain_of(arm), links, vector(&arm.reflected), arm.gravity.into())
+    ArmDynamics::new(arm.chain.chain(), links, vector(&arm.reflected), arm.gravity.into())
         .expect("the golden arm has masses")
-}
-
-fn chain_of<const N: usize>(arm: &Arm) -> Chain<N> {
-    let joints = std::array::from_fn(|index| {
-        let joint = &arm.joints[index];
-        Joint { origin: joint.origin.into(), rotation: rotation_from_rpy(joint.rpy), axis: joint.axis.into() }
-    });
-    let tool = Pose { position: arm.tool.origin.into(), rotation: rotation_from_rpy(arm.tool.rpy) };
-    Chain::new(joints, tool).expect("the golden arm is a chain")
 }
 
 fn vector<const N: usize>(values: &[f64]) -> SVector<f64, N> {
@@ -181,11 +162,11 @@ fn forward_inverts_inverse_and_the_mass_matrix_is_one() {
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     let (arm, dynamics) = golden::<6>();
     runner
-        .run(&draws::<6>(), |draw| check_identities(&dynamics, &chain_of(&arm), &draw))
+        .run(&draws::<6>(), |draw| check_identities(&dynamics, &arm.chain.chain(), &draw))
         .unwrap_or_else(|failure| panic!("six joints: {failure}"));
     let (arm, dynamics) = golden::<7>();
     runner
-        .run(&draws::<7>(), |draw| check_identities(&dynamics, &chain_of(&arm), &draw))
+        .run(&draws::<7>(), |draw| check_identities(&dynamics, &arm.chain.chain(), &draw))
         .unwrap_or_else(|failure| panic!("seven joints: {failure}"));
 }
 
@@ -233,7 +214,7 @@ fn energy_is_kept_without_friction_and_drives() {
 #[test]
 fn what_no_body_has_is_refused() {
     let (arm, _) = golden::<2>();
-    let chain = chain_of::<2>(&arm);
+    let chain = arm.chain.chain::<2>();
     let good = LinkInertia {
         mass: 2.0,
         center_of_gravity: Vector3::new(0.1, 0.0, 0.0),

@@ -5,6 +5,8 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::Deserialize;
 use std::f64::consts::PI;
 
+use crate::common::golden_chain::GoldenChain;
+
 /// Largest difference that rounding explains: metres, radians or entries of a rotation, for arms of
 /// a metre or two.
 const ROUNDING: f64 = 1e-12;
@@ -19,23 +21,10 @@ struct Golden {
 struct Arm {
     name: String,
     task_axes: usize,
-    joints: Vec<JointData>,
-    tool: FrameData,
+    #[serde(flatten)]
+    chain: GoldenChain,
     poses: Vec<PoseData>,
     singular: Vec<SingularData>,
-}
-
-#[derive(Deserialize)]
-struct JointData {
-    origin: [f64; 3],
-    rpy: [f64; 3],
-    axis: [f64; 3],
-}
-
-#[derive(Deserialize)]
-struct FrameData {
-    origin: [f64; 3],
-    rpy: [f64; 3],
 }
 
 #[derive(Deserialize)]
@@ -69,22 +58,13 @@ fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
 }
 
 fn arm(golden: &Golden, joints: usize) -> &Arm {
-    golden.arms.iter().find(|arm| arm.joints.len() == joints).expect("one arm for each number of joints")
-}
-
-fn chain<const N: usize>(arm: &Arm) -> Chain<N> {
-    let joints = std::array::from_fn(|index| {
-        let joint: &JointData = &arm.joints[index];
-        Joint { origin: joint.origin.into(), rotation: rotation_from_rpy(joint.rpy), axis: joint.axis.into() }
-    });
-    let tool = Pose { position: arm.tool.origin.into(), rotation: rotation_from_rpy(arm.tool.rpy) };
-    Chain::new(joints, tool).expect("the golden arm is a chain")
+    golden.arms.iter().find(|arm| arm.chain.joints.len() == joints).expect("one arm for each number of joints")
 }
 
 fn check_poses<const N: usize>() {
     let golden = golden();
     let arm = arm(&golden, N);
-    let chain = chain::<N>(arm);
+    let chain = arm.chain.chain::<N>();
     assert!(arm.poses.len() >= 6);
     for pose in &arm.poses {
         let kinematics = chain.kinematics(&SVector::from_column_slice(&pose.q));
@@ -102,7 +82,7 @@ fn check_inverse<const N: usize, const D: usize>() {
     let golden = golden();
     let arm = arm(&golden, N);
     assert_eq!(arm.task_axes, D);
-    let chain = chain::<N>(arm);
+    let chain = arm.chain.chain::<N>();
     for pose in &arm.poses {
         let jacobian = chain.kinematics(&SVector::from_column_slice(&pose.q)).task_jacobian::<D>();
         let inverse = right_inverse(&jacobian, 1e-4)
@@ -122,7 +102,7 @@ fn check_inverse<const N: usize, const D: usize>() {
 fn check_singular<const N: usize, const D: usize>() {
     let golden = golden();
     let arm = arm(&golden, N);
-    let chain = chain::<N>(arm);
+    let chain = arm.chain.chain::<N>();
     assert!(!arm.singular.is_empty());
     for case in &arm.singular {
         for offset in [0.0, 1e-12, -1e-9, 1e-6] {
@@ -177,7 +157,7 @@ fn singular_poses_are_reported() {
 #[test]
 fn the_condition_falls_evenly_toward_a_stretched_arm_and_below_zero_beyond_it() {
     let golden = golden();
-    let chain = chain::<2>(arm(&golden, 2));
+    let chain = arm(&golden, 2).chain.chain::<2>();
     let q = SVector::<f64, 2>::new(0.4, 0.05);
     let posture = Posture::<2, 2>::new(&chain, &q);
     let after = |way: f64| posture.reciprocal_condition_after(&chain, &q, &SVector::<f64, 2>::new(0.0, way));

@@ -1,6 +1,6 @@
 //! The arm with its masses, and the same at one joint position.
 
-use nalgebra::{Rotation3, SVector, Unit, Vector3};
+use nalgebra::{SVector, Vector3};
 
 use super::inertia::LinkInertia;
 use super::spatial::{Placement, SpatialInertia};
@@ -90,8 +90,7 @@ impl<const N: usize> ArmDynamics<N> {
     pub fn at(&self, q: &SVector<f64, N>) -> DynamicsAt<'_, N> {
         let placements = core::array::from_fn(|index| {
             let joint = &self.chain.joints()[index];
-            let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(joint.axis), q[index]).into_inner();
-            Placement { rotation: joint.rotation * turn, origin: joint.origin }
+            Placement { rotation: joint.rotation * joint.turn(q[index]), origin: joint.origin }
         });
         DynamicsAt { arm: self, placements }
     }
