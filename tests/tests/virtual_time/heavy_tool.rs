@@ -2,6 +2,7 @@
 //! and stopped by a surface. Told of it, the daemon sees what presses; told of its weight alone, it
 //! took the approach for a touch, and the touch for a pull.
 
+use admittance_host::robot_description::VelocityLoopDescription;
 use end_to_end::closed_loop::{Experiment, Run};
 use ipc_types::Mode;
 
@@ -58,6 +59,23 @@ fn a_heavy_tool_that_halts_on_its_way_is_neither_a_touch_nor_a_pull() {
             assert!(run.touched() && !is_early(run), "{what}: a touch is felt in the air");
             assert_eq!((run.stop_reason(), run.losses()), (None, 0), "{what}");
             assert!(run.peak(1) <= MOST, "{what}: peak {} N", run.peak(1));
+        });
+    }
+}
+
+#[test]
+fn a_velocity_that_is_reported_late_feigns_no_force_above_the_limit() {
+    // The arm brakes by some 200 m/s² and a cycle later than it was told; q̇ comes 2 ms late.
+    let (origin_m, center_m) = ([-0.15, 0.0, 0.0], [-0.08, 0.0, 0.0]);
+    for speed in [0.2, 0.25, 0.3] {
+        let mut late = Experiment::paper(0.001, speed).with_tool(2.0, origin_m, [0.0; 3], center_m);
+        late.scenario.robot.velocity_loop =
+            Some(VelocityLoopDescription { damping: None, dead_time_s: None, report_lag_s: 0.002 });
+        late.scenario.timing.command_delay_s = 0.001;
+        late.at_instants(8, |share, run| {
+            println!("{speed} m/s, contact at {share}: peak {:.1} N, stop {:?}", run.peak(1), run.stop_reason());
+            assert_eq!(run.stop_reason(), None, "{speed} m/s, contact at {share}");
+            assert!(run.peak(1) <= MOST, "{speed} m/s, contact at {share}: peak {} N", run.peak(1));
         });
     }
 }

@@ -14,6 +14,9 @@
 //! has less noise, and shows less of a brief peak. Where even the longest one has more than the
 //! force limit allows for, f̄ is held against that much more. A dead time of the wrench moves the
 //! window into the past by as much, and changes nothing else.
+//!
+//! The inertia of a tool on the sensor is in f̂ by two ways of seeing its motion, and the smaller f̄ of
+//! both counts: where q̇ is reported late, an arm that brakes hard would feign a force.
 
 use nalgebra::SVector;
 
@@ -90,15 +93,23 @@ pub(super) struct LagInverse<const D: usize> {
     sampling_time: Span,
     /// The last samples of f̂, oldest first.
     stamps: [Instant; KEPT],
-    wrenches: [SVector<f64, D>; KEPT],
+    wrenches: [BothWays<D>; KEPT],
     len: usize,
     force: WithoutLag<D>,
 }
+
+/// f̂ with the tool's inertia by q̇ as it is reported, and by the joint positions.
+type BothWays<const D: usize> = [SVector<f64, D>; 2];
 
 /// a and √(1 + a²) / (1 − a) of a window (s).
 fn decay_and_gain(window: f64, time_constant: f64) -> (f64, f64) {
     let decay = if time_constant > 0.0 { libm::exp(-window / time_constant) } else { 0.0 };
     (decay, libm::sqrt(1.0 + decay * decay) / (1.0 - decay))
+}
+
+/// What both show of a force: a tool whose inertia one of them misses is no force.
+fn smaller([one, other]: [f64; 2]) -> f64 {
+    if other.abs() < one.abs() { other } else { one }
 }
 
 impl<const D: usize> LagInverse<D> {
@@ -119,7 +130,7 @@ impl<const D: usize> LagInverse<D> {
             window,
             sampling_time,
             stamps: [Instant::default(); KEPT],
-            wrenches: [SVector::zeros(); KEPT],
+            wrenches: [[SVector::zeros(); 2]; KEPT],
             len: 0,
             force,
         }
@@ -138,21 +149,22 @@ impl<const D: usize> LagInverse<D> {
 
     /// Takes in a sample.
     pub(super) fn follow<const N: usize>(&mut self, sample: &Accepted<N, D>) {
-        self.push(sample.stamp, &sample.wrench);
+        let both = [sample.wrench, sample.wrench_by_position];
+        self.push(sample.stamp, &both);
         let (now, last) = (sample.stamp, self.len - 1);
         for axis in 0..D {
             let least = self.sampling_time * (self.window[axis].samples as f64 - JITTER);
-            let measured = sample.wrench[axis];
             let before = (0..last).rev().find(|before| now.since(self.stamps[*before]) >= least);
             // An ideal measurement needs no window.
             let before = before.filter(|_| self.time_constant[axis] > 0.0);
             let (wrench, gain, excess) = match before {
-                None => (measured, 1.0, 0.0),
+                None => (smaller(both.map(|wrench| wrench[axis])), 1.0, 0.0),
                 Some(before) => {
                     let window = now.since(self.stamps[before]).seconds();
                     let (decay, gain) = decay_and_gain(window, self.time_constant[axis]);
-                    let mean = (measured - decay * self.wrenches[before][axis]) / (1.0 - decay);
-                    (mean, gain, self.window[axis].excess)
+                    let mean =
+                        |way: usize| (both[way][axis] - decay * self.wrenches[before][way][axis]) / (1.0 - decay);
+                    (smaller([0, 1].map(mean)), gain, self.window[axis].excess)
                 }
             };
             (self.force.wrench[axis], self.force.noise_gain[axis]) = (wrench, gain);
@@ -160,7 +172,7 @@ impl<const D: usize> LagInverse<D> {
         }
     }
 
-    fn push(&mut self, stamp: Instant, wrench: &SVector<f64, D>) {
+    fn push(&mut self, stamp: Instant, wrench: &BothWays<D>) {
         if self.len == KEPT {
             self.stamps.copy_within(1.., 0);
             self.wrenches.copy_within(1.., 0);

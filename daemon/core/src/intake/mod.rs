@@ -64,7 +64,7 @@ pub(crate) struct Intake<const N: usize, const D: usize> {
     settings: Settings<N, D>,
     order: SampleOrder,
     track: PositionTrack<N>,
-    tool: ToolMotion<D>,
+    tool: ToolMotion<N, D>,
     last: Option<Accepted<N, D>>,
     rejected: u64,
 }
@@ -124,6 +124,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         let tool = self.tool.followed(&self.settings, sample, &posture);
         let wrench = conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt());
         sample.check_wrench(&wrench, conditioning.saturated(&sample.wrench))?;
+        let wrench_by_position = conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt_by_position());
         self.track.follow(sample, joint_speed.as_ref())?;
         self.tool = tool;
         let arrival = self.order.accept(sample, timing);
@@ -137,6 +138,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
             joint_position_reference: sample.joint_position_reference,
             twist_reference: sample.twist_reference,
             wrench,
+            wrench_by_position,
             posture,
         })
     }

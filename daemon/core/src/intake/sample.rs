@@ -56,6 +56,8 @@ pub(crate) struct Accepted<const N: usize, const D: usize> {
     pub twist_reference: SVector<f64, D>,
     /// f̂ in N and N·m: what the robot exerts on the environment, base frame, at the TCP.
     pub wrench: SVector<f64, D>,
+    /// The same with the tool's inertia as the joint positions show it, not q̇.
+    pub wrench_by_position: SVector<f64, D>,
     /// Ψ, J and J⁻¹ at q.
     pub posture: Posture<N, D>,
 }

@@ -122,6 +122,41 @@ fn what_accelerates_the_tool_does_not_press() {
 }
 
 #[test]
+fn positions_show_the_motion_of_a_tool_whose_velocity_is_reported_late() {
+    let mut parameters = parameters();
+    parameters.conditioning.tool_mass = 3.0;
+    let mut intake = Intake::new(parameters.intake());
+    let lag = parameters.wrench_time_constant;
+    // Both joints are accelerated from rest by 30 rad/s²; q̇ is that of 4 ms ago.
+    let (mut late, mut by_position, mut most) = (0.0_f64, 0.0_f64, 0.0_f64);
+    let (small, per_cycle) = (1e-5, 400_u32);
+    let at = |t: f64| Vector2::new(0.4, -1.1) + Vector2::repeat(15.0 * t.max(0.0) * t.max(0.0));
+    let mut felt = Vector2::<f64>::zeros();
+    for step in 0..25 * per_cycle {
+        let t = f64::from(step) * small - 0.02;
+        let [before, here, after] = [t - small, t, t + small].map(|t| place(&at(t), &Vector2::zeros()));
+        let force = (before + after - here * 2.0) * (3.0 / (small * small));
+        felt += (force - felt).component_div(&lag) * small;
+        if step % per_cycle != 0 {
+            continue;
+        }
+        let sample = Sample {
+            joint_position: at(t),
+            joint_velocity: Vector2::repeat(30.0 * (t - 0.004).max(0.0)),
+            wrench: given(felt),
+            ..pressing(0.0, 1 + u64::from(step / per_cycle))
+        };
+        let accepted = intake.take(Event::Sample(&sample), sample.stamp).expect("it is good");
+        late = late.max(accepted.wrench.norm());
+        // The parabola through three samples sees the jump a part of a cycle late.
+        by_position = by_position.max(if t > 0.01 { accepted.wrench_by_position.norm() } else { 0.0 });
+        most = most.max(felt.norm());
+    }
+    println!("{late} N by q̇ and {by_position} N by q of {most} N");
+    assert!(most > 100.0 && late > 0.1 * most && by_position < 0.03 * most);
+}
+
+#[test]
 fn after_a_pause_and_in_a_new_run_the_tool_counts_as_steady() {
     let mut parameters = parameters();
     parameters.conditioning.tool_mass = 3.0;
