@@ -30,12 +30,12 @@ pub fn lines(config: &Config) -> Vec<String> {
 fn horizon(config: &Config) -> String {
     let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
     let steps = with_arm!((joints, axes), <N, D> => {
-        parameters::parameters::<N, D>(config, config.mpc.inputs_per_cycle).map(|all| {
+        parameters::parameters::<N, D>(config, config.inputs_per_cycle()).map(|all| {
             (all.mpc.horizon, all.mpc.steps.iter().take(all.mpc.horizon).sum::<f64>())
         })
     }, else None);
     let (count, length) = steps.unwrap_or_default();
-    let inputs = config.mpc.inputs_per_cycle;
+    let inputs = config.inputs_per_cycle();
     let within = if inputs == 1 { String::new() } else { format!(", {inputs} of them within a cycle") };
     format!("horizon: {} ms in {count} steps{within}", short(length * 1e3))
 }
@@ -143,6 +143,21 @@ fn surface(config: &Config) -> Option<String> {
     ))
 }
 
+/// What is left free below the force limit for an arm that follows late.
+fn lateness(config: &Config) -> Option<String> {
+    /// For which approach the force is given, m/s.
+    const SPEED_M_S: f64 = 0.1;
+    let tolerance_s = config.control.lag_tolerance_s;
+    let free_n = config.environment.normal_stiffness_n_m * SPEED_M_S * tolerance_s;
+    (tolerance_s > 0.0 && config.control.law == LawName::Mpc).then(|| {
+        format!(
+            "the arm may follow {tolerance_s} s later than that: until it was halted a plan leaves {} N free below the \
+             force limit at {SPEED_M_S} m/s, in proportion to the speed, where one can",
+            short(free_n)
+        )
+    })
+}
+
 /// What the controller believes of the arm.
 fn belief(config: &Config) -> Vec<String> {
     let (robot, control) = (&config.robot, &config.control);
@@ -172,5 +187,6 @@ fn belief(config: &Config) -> Vec<String> {
         control.command_delay_s,
         if config.mpc.model_delay { "" } else { ", which the model leaves out" }
     ));
+    lines.extend(lateness(config));
     lines
 }
