@@ -1,7 +1,7 @@
 //! The seam between the plant and what its joints are: the speed loops of (4), or the rigid bodies
 //! of (1) with their drives.
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
 use crate::joint_loop::{JointLoop, JointState, JointStep};
 use crate::rigid_body::{Load, RigidBody};
@@ -39,7 +39,7 @@ impl<const N: usize> Joints<N> {
         step: &PreparedStep<N>,
         state: &mut JointState<N>,
         reference: &SVector<f64, N>,
-        load: Load<'_, N>,
+        load: &impl Load<N>,
     ) {
         match self {
             Self::FirstOrder(loops) => {
@@ -76,21 +76,21 @@ impl<const N: usize> Joints<N> {
         }
     }
 
-    /// The same joints at rest at a position in rad.
+    /// The same joints at rest at a position in rad, where the arm presses with a force in N, base frame.
     #[must_use]
-    pub(crate) fn resting_at(&self, start: &SVector<f64, N>) -> Self {
+    pub(crate) fn resting_at(&self, start: &SVector<f64, N>, pressing: &Vector3<f64>) -> Self {
         match self {
             Self::FirstOrder(loops) => Self::FirstOrder(*loops),
-            Self::RigidBody(arm) => Self::RigidBody(Box::new(arm.resting_at(start))),
+            Self::RigidBody(arm) => Self::RigidBody(Box::new(arm.resting_at(start, pressing))),
         }
     }
 
-    /// The same joints at rest, without what makes their way jump with its start.
+    /// The same joints without what makes their way jump with its start.
     #[must_use]
-    pub(crate) fn smooth(&self, start: &SVector<f64, N>) -> Self {
+    pub(crate) fn smooth(&self) -> Self {
         match self {
             Self::FirstOrder(loops) => Self::FirstOrder(*loops),
-            Self::RigidBody(arm) => Self::RigidBody(Box::new(arm.without_encoder_steps(start))),
+            Self::RigidBody(arm) => Self::RigidBody(Box::new(arm.without_encoder_steps())),
         }
     }
 }

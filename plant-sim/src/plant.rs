@@ -5,6 +5,7 @@
 mod dead_time;
 mod measurement;
 mod parameters;
+mod pressing;
 mod retreat;
 mod substep;
 
@@ -50,6 +51,8 @@ pub struct Plant<const N: usize, const D: usize> {
     now_ns: u64,
     sequence: u64,
     index: i64,
+    /// When the motion began, in ns; `None` before.
+    motion_began_ns: Option<u64>,
     joints: JointState<N>,
     /// q̇ as the controller reports it, rad/s.
     reported_velocity: SVector<f64, N>,
@@ -73,10 +76,11 @@ pub struct Plant<const N: usize, const D: usize> {
 impl<const N: usize, const D: usize> Plant<N, D> {
     /// The plant at its first sample.
     pub fn new(mut parameters: PlantParameters<N, D>) -> Self {
-        parameters.joints = parameters.joints.resting_at(&parameters.start);
         let kinematics = parameters.chain.kinematics(&parameters.start);
         let creep = Creep::default();
-        let contact = contact_of(parameters.surface.as_ref(), &kinematics, &SVector::zeros(), &creep);
+        let contact = contact_of(parameters.surface.as_ref(), &kinematics, &SVector::zeros(), &creep, 0.0);
+        parameters.joints = parameters.joints.resting_at(&parameters.start, &contact.force);
+        let index = -parameters.waiting_samples();
         let substeps = parameters.wrench_delay_ns / parameters.substep_ns.max(1);
         let cycles = parameters.wrench_delay_ns / parameters.sampling_time_ns + 1;
         // Besides the substeps, each plan step and each command ends an interval.
@@ -90,7 +94,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             reach: reach_of(&parameters.chain),
             now_ns: parameters.first_stamp_ns,
             sequence: 1,
-            index: -parameters.waiting_samples(),
+            index,
+            motion_began_ns: (index == 0).then_some(parameters.first_stamp_ns),
             joints: JointState::at_rest(parameters.start),
             reported_velocity: SVector::zeros(),
             dead_time: DeadTime::new(parameters.dead_time_ns, changes as usize),
@@ -196,6 +201,9 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         } else {
             self.index += 1;
         }
+        if self.index == 0 {
+            self.motion_began_ns = Some(self.now_ns);
+        }
         self.sequence += self.parameters.faults.sequence_step(self.index);
         self.playback.begin_sample(self.sequence, self.now_ns);
     }
@@ -239,6 +247,11 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             self.update_reference(&twist);
         }
         self.integrate_until(instant_ns, start_ns);
+    }
+
+    /// Time in s from the start of the motion; 0 before.
+    fn time_s(&self) -> f64 {
+        self.motion_began_ns.map_or(0.0, |began_ns| seconds(self.now_ns - began_ns))
     }
 
     /// How long the current cycle lasts.
@@ -328,6 +341,7 @@ fn contact_of<const N: usize>(
     kinematics: &Kinematics<N>,
     velocity: &SVector<f64, N>,
     creep: &Creep,
+    time_s: f64,
 ) -> Contact {
     let Some(surface) = surface else { return Contact::none(-NO_SURFACE_GAP_M) };
     let tcp_velocity = if surface.needs_velocity() {
@@ -335,7 +349,7 @@ fn contact_of<const N: usize>(
     } else {
         Vector3::zeros()
     };
-    surface.contact(&kinematics.pose.position, &tcp_velocity, creep)
+    surface.contact(&kinematics.pose.position, &tcp_velocity, creep, time_s)
 }
 
 /// Upper bound of the TCP's distance from each joint's axis: the length of everything after the

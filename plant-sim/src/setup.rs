@@ -5,15 +5,15 @@ use admittance_core::quantities::Span;
 use admittance_core::robot::{Chain, DynamicsError, Pose, SUPPORTED_ARMS, right_inverse};
 use nalgebra::{SVector, Vector3};
 
-use crate::environment::Surface;
+use crate::environment::SurfaceSection;
 use crate::faults::{Fault, Faults};
 use crate::joint_loop::JointLoop;
 use crate::joints::Joints;
-use crate::maxwell::Maxwell;
 use crate::motion::{CommandedMotion, MINIMUM_RECIPROCAL_CONDITION};
 use crate::noise::{Noise, NoiseLevels};
 use crate::plant::{Plant, PlantParameters};
 use crate::scenario::Scenario;
+use crate::seconds;
 use crate::wrench_estimate::WrenchEstimate;
 use crate::wrench_sensor::WrenchSensor;
 
@@ -106,19 +106,7 @@ pub fn plant<const N: usize, const D: usize>(
         dead_time_ns: std::array::from_fn(|joint| nanoseconds(loops.dead_time[joint])),
         velocity_lag_s: loops.report_lag,
         start,
-        surface: scenario.surface.as_ref().map(|surface| Surface {
-            point: surface.point_m.into(),
-            normal: Vector3::from(surface.normal).normalize(),
-            curvature: surface.curvature_1_m,
-            axis: surface.cylinder_axis().unwrap_or_else(Vector3::z),
-            stiffness: surface.stiffness_n_m,
-            damping: surface.damping_n_s_m,
-            maxwell: surface
-                .maxwell_stiffness_n_m
-                .map(|stiffness| Maxwell { stiffness, relaxation_time: surface.maxwell_relaxation_time_s }),
-            friction: surface.friction,
-            slip_velocity: surface.slip_velocity_m_s,
-        }),
+        surface: scenario.surface.as_ref().map(SurfaceSection::surface),
         estimate: WrenchEstimate::new(vector(&scenario.wrench.time_constant_s)),
         sensor: scenario.sensor.as_ref().map(WrenchSensor::new),
         wrench_delay_ns: nanoseconds(scenario.wrench.delay_s),
@@ -158,9 +146,10 @@ pub fn plant<const N: usize, const D: usize>(
         (Some(time_s), Some(surface)) => {
             let whole = in_samples(time_s) as u64 * parameters.sampling_time_ns;
             let phase = nanoseconds(scenario.start.contact_phase * timing.sampling_time_s);
-            let start = solve_start(&parameters, surface.point, whole + phase)
+            let touch_ns = whole + phase;
+            let start = solve_start(&parameters, surface.point_at(seconds(touch_ns)), touch_ns)
                 .ok_or(SetupError::Unreachable { contact_time_s: time_s })?;
-            if surface.penetration(&parameters.chain.kinematics(&start).pose.position) >= 0.0 {
+            if surface.penetration(&parameters.chain.kinematics(&start).pose.position, 0.0) >= 0.0 {
                 return Err(SetupError::NotApproaching { contact_time_s: time_s });
             }
             start
@@ -207,7 +196,7 @@ fn free_position<const N: usize, const D: usize>(
 ) -> Option<Vector3<f64>> {
     let mut plant = Plant::new(PlantParameters {
         start,
-        joints: parameters.joints.smooth(&start),
+        joints: parameters.joints.smooth(),
         surface: None,
         sensor: None,
         velocity_lag_s: 0.0,
