@@ -4,7 +4,7 @@
 use nalgebra::{SVector, Vector3};
 
 use crate::joint_loop::{JointLoop, JointState, JointStep};
-use crate::rigid_body::{Load, RigidBody};
+use crate::rigid_body::{Load, Overload, RigidBody};
 
 /// The joints of a plant.
 #[derive(Debug, Clone)]
@@ -33,18 +33,21 @@ impl<const N: usize> Joints<N> {
         PreparedStep { duration_ns, loops }
     }
 
-    /// The state at the end of a step under a velocity reference in rad/s.
+    /// The state at the end of a step under a velocity reference in rad/s; false where it is no longer
+    /// finite.
+    #[must_use]
     pub(crate) fn advance(
         &mut self,
         step: &PreparedStep<N>,
         state: &mut JointState<N>,
         reference: &SVector<f64, N>,
         load: &impl Load<N>,
-    ) {
+    ) -> bool {
         match self {
             Self::FirstOrder(loops) => {
                 let step = step.loops.unwrap_or_else(|| loops.step(crate::seconds(step.duration_ns)));
                 step.advance(state, reference);
+                true
             }
             Self::RigidBody(arm) => arm.advance(state, reference, step.duration_ns, load),
         }
@@ -65,6 +68,14 @@ impl<const N: usize> Joints<N> {
         match self {
             Self::FirstOrder(loops) => Some(loops.most_speed(state, reference)),
             Self::RigidBody(_) => None,
+        }
+    }
+
+    /// Drives that cannot hold the arm where it has just been brought to rest.
+    pub(crate) fn overloads(&self) -> Vec<Overload> {
+        match self {
+            Self::FirstOrder(_) => Vec::new(),
+            Self::RigidBody(arm) => arm.overloads().collect(),
         }
     }
 

@@ -3,12 +3,14 @@
 //! steps themselves.
 
 mod dead_time;
+mod divergence;
 mod measurement;
 mod parameters;
 mod pressing;
 mod retreat;
 mod substep;
 
+pub use divergence::Divergence;
 pub use measurement::CycleTiming;
 pub use parameters::PlantParameters;
 pub use retreat::Retreated;
@@ -23,6 +25,7 @@ use crate::joint_loop::JointState;
 use crate::joints::PreparedStep;
 use crate::maxwell::Creep;
 use crate::motion::{MINIMUM_RECIPROCAL_CONDITION, advance_reference};
+use crate::rigid_body::Overload;
 use crate::seconds;
 use crate::wrench_estimate::{DelayLine, EstimateStep};
 use admittance_client::{Applied, Playback, Reception, Rejection};
@@ -68,6 +71,9 @@ pub struct Plant<const N: usize, const D: usize> {
     contact_losses: u32,
     peaks: Peaks,
     singular: bool,
+    divergence: Option<Divergence>,
+    /// Drives that cannot hold the arm where it starts.
+    overloads: Vec<Overload>,
     /// The way out of the surface, once it has begun.
     retreat: Option<Retreat>,
     sample: StateSample,
@@ -108,6 +114,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             contact_losses: 0,
             peaks: Peaks::of(&contact),
             singular: false,
+            divergence: None,
+            overloads: parameters.joints.overloads(),
             retreat: None,
             sample: StateSample::zeroed(),
             parameters,
@@ -224,6 +232,16 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         self.singular
     }
 
+    /// Where the motion ended to be finite, if it did; the joints are then held there.
+    pub fn divergence(&self) -> Option<Divergence> {
+        self.divergence
+    }
+
+    /// What of the scenario the arm cannot do, though it runs.
+    pub fn overloads(&self) -> &[Overload] {
+        &self.overloads
+    }
+
     /// True joint position in rad.
     pub fn joint_position(&self) -> &SVector<f64, N> {
         &self.joints.position
@@ -247,6 +265,11 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             self.update_reference(&twist);
         }
         self.integrate_until(instant_ns, start_ns);
+    }
+
+    /// Time of the current sample in s from the start of the motion.
+    fn scenario_time_s(&self) -> f64 {
+        self.index as f64 * seconds(self.parameters.sampling_time_ns)
     }
 
     /// Time in s from the start of the motion; 0 before.

@@ -39,6 +39,32 @@ impl Law {
         }
     }
 
+    /// Growth of that force with the depth, N/m.
+    pub(super) fn tangent(&self, stiffness: f64, depth: f64) -> f64 {
+        match self {
+            Self::Linear => stiffness,
+            Self::Hardening { depth: cubic } => stiffness * (1.0 + 3.0 * (depth / cubic).powi(2)),
+            Self::HuntCrossley { exponent, depth: at, .. } => stiffness * exponent * (depth / at).powf(exponent - 1.0),
+        }
+    }
+
+    /// Depth in m at which the surface, without damping, has taken up an energy in J.
+    pub(super) fn depth_of(&self, stiffness: f64, energy: f64) -> f64 {
+        let linear = 2.0 * energy / stiffness;
+        match self {
+            Self::Linear => linear.sqrt(),
+            // ½ k δ² + ¼ k δ⁴/d².
+            Self::Hardening { depth: cubic } => {
+                let square = cubic * cubic;
+                (square * ((1.0 + 2.0 * linear / square).sqrt() - 1.0)).sqrt()
+            }
+            Self::HuntCrossley { exponent, depth: at, .. } => {
+                let power = exponent + 1.0;
+                at * (power * energy / (stiffness * at * at)).powf(1.0 / power)
+            }
+        }
+    }
+
     /// Whether the force depends on the speed.
     pub(super) fn needs_velocity(&self) -> bool {
         matches!(self, Self::HuntCrossley { damping, .. } if *damping > 0.0)
@@ -59,5 +85,18 @@ mod tests {
         assert!((force(hertz) - 282.842_712_474_619).abs() < 1e-9);
         assert!((hertz.damping(1e5, 0.002) - 113.137_084_989_847_6).abs() < 1e-9);
         assert_eq!(Law::Linear.damping(1e5, 0.002), 0.0);
+    }
+
+    #[test]
+    fn tangent_and_depth_are_those_of_the_force() {
+        let hertz = Law::HuntCrossley { exponent: 1.5, depth: 0.001, damping: 0.4 };
+        for law in [Law::Linear, Law::Hardening { depth: 0.001 }, hertz] {
+            let force = |depth: f64| law.force(1e5, depth);
+            let slope = (force(0.002 + 1e-8) - force(0.002 - 1e-8)) / 2e-8;
+            assert!((law.tangent(1e5, 0.002) / slope - 1.0).abs() < 1e-6, "{law:?}: {slope}");
+            // The work on the way there, by the midpoint rule.
+            let work: f64 = (0..10_000).map(|step| force((f64::from(step) + 0.5) * 2e-7) * 2e-7).sum();
+            assert!((law.depth_of(1e5, work) / 0.002 - 1.0).abs() < 1e-6, "{law:?}: {work} J");
+        }
     }
 }

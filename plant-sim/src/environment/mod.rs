@@ -169,6 +169,14 @@ impl Surface {
         Matrix3::identity() * friction + normal * normal.transpose() * (damping - friction)
     }
 
+    /// The hardest that a tool finds it, N/m: at the depth that a mass in kg reaches which hits it at a
+    /// speed in m/s.
+    pub(crate) fn hardest(&self, mass: f64, speed: f64) -> f64 {
+        let stiffness = self.step.map_or(self.stiffness, |step| step.stiffness.max(self.stiffness));
+        let depth = self.law.depth_of(stiffness, 0.5 * mass * speed * speed);
+        self.law.tangent(stiffness, depth) + self.maxwell.map_or(0.0, |maxwell| maxwell.stiffness)
+    }
+
     /// Stiffness in N/m at a place, from the surface's point.
     fn stiffness_at(&self, place: &Vector3<f64>) -> f64 {
         self.step.map_or(self.stiffness, |step| step.stiffness_at(self.stiffness, place))

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::pressing::Pressing;
-use super::{Plant, contact_of, substep_of};
+use super::{Divergence, Plant, contact_of, substep_of};
 use crate::seconds;
 use crate::tool_inertia::Tool;
 
@@ -60,7 +60,11 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             creep: &self.creep,
             time_s: self.time_s(),
         };
-        self.parameters.joints.advance(&step.joints, &mut self.joints, reference, &load);
+        let joint = self.joints.velocity.iamax();
+        let velocity_rad_s = self.joints.velocity[joint];
+        if !self.parameters.joints.advance(&step.joints, &mut self.joints, reference, &load) {
+            self.divergence.get_or_insert(Divergence { time_s: self.scenario_time_s(), joint, velocity_rad_s });
+        }
         self.now_ns += duration_ns;
         if !is_free {
             self.look(duration_ns);

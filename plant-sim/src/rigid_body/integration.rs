@@ -25,6 +25,13 @@ pub(super) struct Motion<const N: usize> {
     pub(super) rotor_velocity: SVector<f64, N>,
 }
 
+impl<const N: usize> Motion<N> {
+    fn is_finite(&self) -> bool {
+        let all = [&self.position, &self.velocity, &self.rotor_position, &self.rotor_velocity];
+        all.iter().all(|vector| vector.iter().all(|value| value.is_finite()))
+    }
+}
+
 /// What accelerates both sides, N m.
 struct Torques<const N: usize> {
     joint: SVector<f64, N>,
@@ -39,8 +46,8 @@ struct Change<const N: usize> {
 }
 
 impl<const N: usize> RigidBody<N> {
-    /// A step of `h` seconds. A motion that is no longer finite stays as it is.
-    pub(super) fn step(&self, before: &Motion<N>, h: f64, load: &impl Load<N>) -> Motion<N> {
+    /// A step of `h` seconds; `None` where the motion is then no longer finite.
+    pub(super) fn step(&self, before: &Motion<N>, h: f64, load: &impl Load<N>) -> Option<Motion<N>> {
         let slope: SVector<f64, N> =
             SVector::from_fn(|joint, _| self.joints[joint].friction.slope(before.rotor_velocity[joint]));
         let here = self.arm.at(&before.position);
@@ -54,7 +61,7 @@ impl<const N: usize> RigidBody<N> {
         if let Some(resistance) = pressed.resistance {
             damped += resistance * (GAMMA * h);
         }
-        let Some(factor) = damped.cholesky() else { return *before };
+        let factor = damped.cholesky()?;
         let rotor_mass: SVector<f64, N> = SVector::from_fn(|joint, _| self.joints[joint].reflected_inertia);
         let damped_rotor: SVector<f64, N> = SVector::from_fn(|joint, _| {
             if self.joints[joint].gear.is_some() { rotor_mass[joint] + slope[joint] * (GAMMA * h) } else { 1.0 }
@@ -69,9 +76,7 @@ impl<const N: usize> RigidBody<N> {
         let there = self.moved(before, &along, &Change { joint: first.joint * h, rotor: first.rotor * h });
         let torques = self.torques(&there);
         let pressing = load.at(&there.position, &there.velocity, h).wrench;
-        let Some(free) = self.arm.at(&there.position).acceleration(&there.velocity, &torques.joint, &pressing) else {
-            return *before;
-        };
+        let free = self.arm.at(&there.position).acceleration(&there.velocity, &torques.joint, &pressing)?;
         let rotor_rest = torques.rotor - rotor_mass.component_mul(&first.rotor) * 2.0;
         let second = Change {
             joint: factor.solve(&(mass * (free - first.joint * 2.0))),
@@ -84,7 +89,7 @@ impl<const N: usize> RigidBody<N> {
         let along =
             Change { joint: way(&before.velocity, &first.joint), rotor: way(&before.rotor_velocity, &first.rotor) };
         let faster = Change { joint: change(&first.joint, &second.joint), rotor: change(&first.rotor, &second.rotor) };
-        self.moved(before, &along, &faster)
+        Some(self.moved(before, &along, &faster)).filter(Motion::is_finite)
     }
 
     fn torques(&self, motion: &Motion<N>) -> Torques<N> {

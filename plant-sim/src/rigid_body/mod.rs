@@ -9,13 +9,18 @@ mod friction;
 mod integration;
 mod joint;
 mod load;
+mod overload;
+mod resolution;
 mod section;
 
 pub use drive::DriveParameters;
 pub use friction::Friction;
 pub use joint::{Gear, JointParameters};
 pub use load::{Load, Pressed};
-pub use section::RigidBodySection;
+pub use overload::Overload;
+pub(crate) use resolution::Spring;
+pub use resolution::Unresolved;
+pub use section::{RigidBodySection, RigidJointSection};
 
 use admittance_core::robot::{ArmDynamics, Chain, DynamicsError, LinkInertia};
 use nalgebra::{SVector, Vector3, Vector6};
@@ -105,14 +110,16 @@ impl<const N: usize> RigidBody<N> {
     }
 
     /// Goes on for so long: the drives follow `reference` in rad/s, the arm presses on `load`. Long
-    /// steps are cut at the drives' ticks.
+    /// steps are cut at the drives' ticks. False where the motion is no longer finite; the state is then
+    /// the last one that was.
+    #[must_use]
     pub fn advance(
         &mut self,
         state: &mut JointState<N>,
         reference: &SVector<f64, N>,
         duration_ns: u64,
         load: &impl Load<N>,
-    ) {
+    ) -> bool {
         let mut left_ns = duration_ns;
         while left_ns > 0 {
             if self.until_tick_ns == 0 {
@@ -128,13 +135,20 @@ impl<const N: usize> RigidBody<N> {
             };
             let step_s = crate::seconds(step_ns);
             let elapsed_s = crate::seconds(duration_ns - left_ns);
-            let after = self.step(&before, step_s, &Later { load, by_s: elapsed_s });
+            let Some(after) = self.step(&before, step_s, &Later { load, by_s: elapsed_s }) else { return false };
             state.acceleration = (after.velocity - before.velocity) / step_s;
             (state.position, state.velocity) = (after.position, after.velocity);
             self.rotors = Rotors { position: after.rotor_position, velocity: after.rotor_velocity };
             left_ns -= step_ns;
             self.until_tick_ns -= step_ns;
         }
+        true
+    }
+
+    /// What the arm weighs at the TCP along a unit vector in the base frame, in the first instants of an
+    /// impact, kg; `None` where it does not move that way.
+    pub(crate) fn effective_mass(&self, position: &SVector<f64, N>, direction: &Vector3<f64>) -> Option<f64> {
+        self.arm.effective_mass(position, direction)
     }
 
     /// What the encoders show, at the motors: positions in rad and velocities in rad/s.
