@@ -59,6 +59,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             surface: self.parameters.surface.as_ref(),
             creep: &self.creep,
             time_s: self.time_s(),
+            kinematics: &self.kinematics,
+            contact: &self.contact,
         };
         let joint = self.joints.velocity.iamax();
         let velocity_rad_s = self.joints.velocity[joint];
