@@ -1,10 +1,10 @@
 //! The seam between the plant and what its joints are: the speed loops of (4), or the rigid bodies
 //! of (1) with their drives.
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
 use crate::joint_loop::{JointLoop, JointState, JointStep};
-use crate::rigid_body::{Load, RigidBody};
+use crate::rigid_body::{Load, Overload, RigidBody};
 
 /// The joints of a plant.
 #[derive(Debug, Clone)]
@@ -33,18 +33,21 @@ impl<const N: usize> Joints<N> {
         PreparedStep { duration_ns, loops }
     }
 
-    /// The state at the end of a step under a velocity reference in rad/s.
+    /// The state at the end of a step under a velocity reference in rad/s; false where it is no longer
+    /// finite.
+    #[must_use]
     pub(crate) fn advance(
         &mut self,
         step: &PreparedStep<N>,
         state: &mut JointState<N>,
         reference: &SVector<f64, N>,
-        load: Load<'_, N>,
-    ) {
+        load: &impl Load<N>,
+    ) -> bool {
         match self {
             Self::FirstOrder(loops) => {
                 let step = step.loops.unwrap_or_else(|| loops.step(crate::seconds(step.duration_ns)));
                 step.advance(state, reference);
+                true
             }
             Self::RigidBody(arm) => arm.advance(state, reference, step.duration_ns, load),
         }
@@ -68,6 +71,14 @@ impl<const N: usize> Joints<N> {
         }
     }
 
+    /// Drives that cannot hold the arm where it has just been brought to rest.
+    pub(crate) fn overloads(&self) -> Vec<Overload> {
+        match self {
+            Self::FirstOrder(_) => Vec::new(),
+            Self::RigidBody(arm) => arm.overloads().collect(),
+        }
+    }
+
     /// Position in rad and velocity in rad/s as the encoders show them.
     pub(crate) fn shown(&self, state: &JointState<N>) -> (SVector<f64, N>, SVector<f64, N>) {
         match self {
@@ -76,21 +87,21 @@ impl<const N: usize> Joints<N> {
         }
     }
 
-    /// The same joints at rest at a position in rad.
+    /// The same joints at rest at a position in rad, where the arm presses with a force in N, base frame.
     #[must_use]
-    pub(crate) fn resting_at(&self, start: &SVector<f64, N>) -> Self {
+    pub(crate) fn resting_at(&self, start: &SVector<f64, N>, pressing: &Vector3<f64>) -> Self {
         match self {
             Self::FirstOrder(loops) => Self::FirstOrder(*loops),
-            Self::RigidBody(arm) => Self::RigidBody(Box::new(arm.resting_at(start))),
+            Self::RigidBody(arm) => Self::RigidBody(Box::new(arm.resting_at(start, pressing))),
         }
     }
 
-    /// The same joints at rest, without what makes their way jump with its start.
+    /// The same joints without what makes their way jump with its start.
     #[must_use]
-    pub(crate) fn smooth(&self, start: &SVector<f64, N>) -> Self {
+    pub(crate) fn smooth(&self) -> Self {
         match self {
             Self::FirstOrder(loops) => Self::FirstOrder(*loops),
-            Self::RigidBody(arm) => Self::RigidBody(Box::new(arm.without_encoder_steps(start))),
+            Self::RigidBody(arm) => Self::RigidBody(Box::new(arm.without_encoder_steps())),
         }
     }
 }

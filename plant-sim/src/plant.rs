@@ -3,11 +3,14 @@
 //! steps themselves.
 
 mod dead_time;
+mod divergence;
 mod measurement;
 mod parameters;
+mod pressing;
 mod retreat;
 mod substep;
 
+pub use divergence::Divergence;
 pub use measurement::CycleTiming;
 pub use parameters::PlantParameters;
 pub use retreat::Retreated;
@@ -22,6 +25,7 @@ use crate::joint_loop::JointState;
 use crate::joints::PreparedStep;
 use crate::maxwell::Creep;
 use crate::motion::{MINIMUM_RECIPROCAL_CONDITION, advance_reference};
+use crate::rigid_body::Overload;
 use crate::seconds;
 use crate::wrench_estimate::{DelayLine, EstimateStep};
 use admittance_client::{Applied, Playback, Reception, Rejection};
@@ -50,6 +54,8 @@ pub struct Plant<const N: usize, const D: usize> {
     now_ns: u64,
     sequence: u64,
     index: i64,
+    /// When the motion began, in ns; `None` before.
+    motion_began_ns: Option<u64>,
     joints: JointState<N>,
     /// q̇ as the controller reports it, rad/s.
     reported_velocity: SVector<f64, N>,
@@ -65,6 +71,9 @@ pub struct Plant<const N: usize, const D: usize> {
     contact_losses: u32,
     peaks: Peaks,
     singular: bool,
+    divergence: Option<Divergence>,
+    /// Drives that cannot hold the arm where it starts.
+    overloads: Vec<Overload>,
     /// The way out of the surface, once it has begun.
     retreat: Option<Retreat>,
     sample: StateSample,
@@ -73,10 +82,11 @@ pub struct Plant<const N: usize, const D: usize> {
 impl<const N: usize, const D: usize> Plant<N, D> {
     /// The plant at its first sample.
     pub fn new(mut parameters: PlantParameters<N, D>) -> Self {
-        parameters.joints = parameters.joints.resting_at(&parameters.start);
         let kinematics = parameters.chain.kinematics(&parameters.start);
         let creep = Creep::default();
-        let contact = contact_of(parameters.surface.as_ref(), &kinematics, &SVector::zeros(), &creep);
+        let contact = contact_of(parameters.surface.as_ref(), &kinematics, &SVector::zeros(), &creep, 0.0);
+        parameters.joints = parameters.joints.resting_at(&parameters.start, &contact.force);
+        let index = -parameters.waiting_samples();
         let substeps = parameters.wrench_delay_ns / parameters.substep_ns.max(1);
         let cycles = parameters.wrench_delay_ns / parameters.sampling_time_ns + 1;
         // Besides the substeps, each plan step and each command ends an interval.
@@ -90,7 +100,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             reach: reach_of(&parameters.chain),
             now_ns: parameters.first_stamp_ns,
             sequence: 1,
-            index: -parameters.waiting_samples(),
+            index,
+            motion_began_ns: (index == 0).then_some(parameters.first_stamp_ns),
             joints: JointState::at_rest(parameters.start),
             reported_velocity: SVector::zeros(),
             dead_time: DeadTime::new(parameters.dead_time_ns, changes as usize),
@@ -103,6 +114,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             contact_losses: 0,
             peaks: Peaks::of(&contact),
             singular: false,
+            divergence: None,
+            overloads: parameters.joints.overloads(),
             retreat: None,
             sample: StateSample::zeroed(),
             parameters,
@@ -196,6 +209,9 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         } else {
             self.index += 1;
         }
+        if self.index == 0 {
+            self.motion_began_ns = Some(self.now_ns);
+        }
         self.sequence += self.parameters.faults.sequence_step(self.index);
         self.playback.begin_sample(self.sequence, self.now_ns);
     }
@@ -214,6 +230,16 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     /// held there.
     pub fn met_singularity(&self) -> bool {
         self.singular
+    }
+
+    /// Where the motion ended to be finite, if it did; the joints are then held there.
+    pub fn divergence(&self) -> Option<Divergence> {
+        self.divergence
+    }
+
+    /// What of the scenario the arm cannot do, though it runs.
+    pub fn overloads(&self) -> &[Overload] {
+        &self.overloads
     }
 
     /// True joint position in rad.
@@ -239,6 +265,16 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             self.update_reference(&twist);
         }
         self.integrate_until(instant_ns, start_ns);
+    }
+
+    /// Time of the current sample in s from the start of the motion.
+    fn scenario_time_s(&self) -> f64 {
+        self.index as f64 * seconds(self.parameters.sampling_time_ns)
+    }
+
+    /// Time in s from the start of the motion; 0 before.
+    fn time_s(&self) -> f64 {
+        self.motion_began_ns.map_or(0.0, |began_ns| seconds(self.now_ns - began_ns))
     }
 
     /// How long the current cycle lasts.
@@ -328,6 +364,7 @@ fn contact_of<const N: usize>(
     kinematics: &Kinematics<N>,
     velocity: &SVector<f64, N>,
     creep: &Creep,
+    time_s: f64,
 ) -> Contact {
     let Some(surface) = surface else { return Contact::none(-NO_SURFACE_GAP_M) };
     let tcp_velocity = if surface.needs_velocity() {
@@ -335,7 +372,7 @@ fn contact_of<const N: usize>(
     } else {
         Vector3::zeros()
     };
-    surface.contact(&kinematics.pose.position, &tcp_velocity, creep)
+    surface.contact(&kinematics.pose.position, &tcp_velocity, creep, time_s)
 }
 
 /// Upper bound of the TCP's distance from each joint's axis: the length of everything after the

@@ -4,7 +4,8 @@ use admittance_client::{Reception, Rejection};
 use admittance_core::with_arm;
 use ipc_types::{CommandSample, StateSample, TruthSample, VirtualPlant};
 
-use crate::plant::{CycleTiming, Plant, Retreated};
+use crate::plant::{CycleTiming, Divergence, Plant, Retreated};
+use crate::rigid_body::Overload;
 use crate::scenario::Scenario;
 use crate::setup::{self, SetupError};
 
@@ -36,6 +37,10 @@ pub trait AnyPlant {
     fn is_finished(&self) -> bool;
     /// Whether the arm met a singular pose.
     fn met_singularity(&self) -> bool;
+    /// Where the motion ended to be finite; `None` as long as it is.
+    fn divergence(&self) -> Option<Divergence>;
+    /// Drives that cannot hold the arm where it starts.
+    fn overloads(&self) -> &[Overload];
     /// Ends the motion and moves the tool out of the surface, if it is not clear of it.
     fn begin_retreat(&mut self);
     /// How that ended; `None` before.
@@ -87,6 +92,14 @@ impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
         self.met_singularity()
     }
 
+    fn divergence(&self) -> Option<Divergence> {
+        self.divergence()
+    }
+
+    fn overloads(&self) -> &[Overload] {
+        self.overloads()
+    }
+
     fn begin_retreat(&mut self) {
         self.begin_retreat();
     }
@@ -136,6 +149,11 @@ impl VirtualRun {
     pub fn new(scenario: &Scenario) -> Result<Self, SetupError> {
         Ok(Self { plant: any_plant(scenario, VIRTUAL_START_NS, 1, false)? })
     }
+
+    /// Drives that cannot hold the arm where it starts.
+    pub fn overloads(&self) -> &[Overload] {
+        self.plant.overloads()
+    }
 }
 
 impl VirtualPlant for VirtualRun {
@@ -152,6 +170,9 @@ impl VirtualPlant for VirtualRun {
         let received = answer.map_or(Ok(false), |command| self.plant.receive(command, now_ns));
         let truth = self.plant.settle(CycleTiming::default());
         self.plant.integrate();
+        if let Some(divergence) = self.plant.divergence() {
+            return Err(divergence.to_string());
+        }
         received.map(|_| truth).map_err(|rejection| rejection.to_string())
     }
 

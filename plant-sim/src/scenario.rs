@@ -6,8 +6,8 @@ use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
 use admittance_host::robot_description::RobotDescription;
 use admittance_host::{config_file, config_section};
-use nalgebra::Vector3;
 
+pub use crate::environment::SurfaceSection;
 use crate::faults::FaultKind;
 use crate::rigid_body::RigidBodySection;
 
@@ -44,56 +44,6 @@ config_section! {
         contact_time_s: Option<f64>, unit "s", range 0.0..=100.0;
         /// Share of a sample that the contact comes later than that.
         contact_phase: f64 = 0.0, unit "1", range 0.0..=1.0;
-    }
-}
-
-config_section! {
-    /// What the TCP may touch: a plane or a cylinder.
-    pub struct SurfaceSection {
-        /// A point of the undeformed surface, base frame.
-        point_m: [f64; 3], unit "m", range -100.0..=100.0;
-        /// Outward normal, base frame; any length above zero. A plane that falls by α towards +x:
-        /// [sin α, cos α, 0].
-        normal: [f64; 3], unit "1", range -1.0..=1.0;
-        /// 1/radius of a cylinder that has this normal at point_m: above zero it falls away to both
-        /// sides, below zero it is a hollow. 0 is a plane.
-        curvature_1_m: f64 = 0.0, unit "1/m", range -100.0..=100.0;
-        /// Direction of the cylinder's axis, base frame; what of it is along the normal is left out.
-        axis: [f64; 3] = [0.0, 0.0, 1.0], unit "1", range -1.0..=1.0;
-        /// Stiffness along the normal, k_env of (19).
-        stiffness_n_m: f64, unit "N/m", range 100.0..=1e8;
-        /// Damping along the normal.
-        damping_n_s_m: f64 = 0.0, unit "N s/m", range 0.0..=1e5;
-        /// Stiffness of a spring beside the first, in series with a damper: a Maxwell element, with
-        /// which the surface creeps. None when absent.
-        maxwell_stiffness_n_m: Option<f64>, unit "N/m", range 100.0..=1e8;
-        /// Time in which a force held by the Maxwell element falls to 37 %: its damping over its
-        /// stiffness.
-        maxwell_relaxation_time_s: f64 = 0.01, unit "s", range 0.0001..=10.0;
-        /// Coulomb friction coefficient.
-        friction: f64 = 0.0, unit "1", range 0.0..=2.0;
-        /// Sliding speed at which friction reaches 1/√2 of its full value.
-        slip_velocity_m_s: f64 = 0.001, unit "m/s", range 0.000001..=1.0;
-    }
-    cross_check normal_has_a_direction;
-}
-
-impl SurfaceSection {
-    /// Direction of the cylinder's axis, at a right angle to the normal; `None` where it has none.
-    pub(crate) fn cylinder_axis(&self) -> Option<Vector3<f64>> {
-        let (normal, axis) = (Vector3::from(self.normal).try_normalize(1e-3)?, Vector3::from(self.axis));
-        (axis - normal * normal.dot(&axis)).try_normalize(1e-3)
-    }
-}
-
-fn normal_has_a_direction(surface: &SurfaceSection, path: &str, errors: &mut Vec<ConfigError>) {
-    if surface.normal.iter().map(|n| n * n).sum::<f64>() < 1e-6 {
-        let key = format!("{path}.normal");
-        errors.push(ConfigError::new(key, format!("{:?}", surface.normal), "a vector that is not zero"));
-    }
-    if surface.curvature_1_m != 0.0 && surface.cylinder_axis().is_none() {
-        let key = format!("{path}.axis");
-        errors.push(ConfigError::new(key, format!("{:?}", surface.axis), "a vector that is not along the normal"));
     }
 }
 

@@ -5,15 +5,16 @@ use admittance_core::quantities::Span;
 use admittance_core::robot::{Chain, DynamicsError, Pose, SUPPORTED_ARMS, right_inverse};
 use nalgebra::{SVector, Vector3};
 
-use crate::environment::Surface;
+use crate::environment::SurfaceSection;
 use crate::faults::{Fault, Faults};
 use crate::joint_loop::JointLoop;
 use crate::joints::Joints;
-use crate::maxwell::Maxwell;
 use crate::motion::{CommandedMotion, MINIMUM_RECIPROCAL_CONDITION};
 use crate::noise::{Noise, NoiseLevels};
 use crate::plant::{Plant, PlantParameters};
+use crate::rigid_body::{Overload, Spring, Unresolved};
 use crate::scenario::Scenario;
+use crate::seconds;
 use crate::wrench_estimate::WrenchEstimate;
 use crate::wrench_sensor::WrenchSensor;
 
@@ -31,6 +32,12 @@ pub enum SetupError {
     /// The masses are those of no arm.
     #[error("rigid_body: {0}")]
     Masses(#[from] DynamicsError),
+    /// Its steps are too long for it.
+    #[error(transparent)]
+    Unresolved(#[from] Unresolved),
+    /// A drive does not hold the arm where it starts, and no start was found for the contact.
+    #[error("start.contact_time_s: no start was found from which the motion touches then: {0}")]
+    Overloaded(Overload),
     /// The arm starts where J has no inverse.
     #[error(
         "start.joint_position_rad = {position:?}: J is not invertible there (reciprocal condition {found:.1e}, accepted: at \
@@ -106,19 +113,7 @@ pub fn plant<const N: usize, const D: usize>(
         dead_time_ns: std::array::from_fn(|joint| nanoseconds(loops.dead_time[joint])),
         velocity_lag_s: loops.report_lag,
         start,
-        surface: scenario.surface.as_ref().map(|surface| Surface {
-            point: surface.point_m.into(),
-            normal: Vector3::from(surface.normal).normalize(),
-            curvature: surface.curvature_1_m,
-            axis: surface.cylinder_axis().unwrap_or_else(Vector3::z),
-            stiffness: surface.stiffness_n_m,
-            damping: surface.damping_n_s_m,
-            maxwell: surface
-                .maxwell_stiffness_n_m
-                .map(|stiffness| Maxwell { stiffness, relaxation_time: surface.maxwell_relaxation_time_s }),
-            friction: surface.friction,
-            slip_velocity: surface.slip_velocity_m_s,
-        }),
+        surface: scenario.surface.as_ref().map(SurfaceSection::surface),
         estimate: WrenchEstimate::new(vector(&scenario.wrench.time_constant_s)),
         sensor: scenario.sensor.as_ref().map(WrenchSensor::new),
         wrench_delay_ns: nanoseconds(scenario.wrench.delay_s),
@@ -154,13 +149,15 @@ pub fn plant<const N: usize, const D: usize>(
         chain,
     };
     check_pose::<N, D>(&parameters.chain, &parameters.start)?;
+    check_step(&parameters, &parameters.start, scenario)?;
     let start = match (scenario.start.contact_time_s, &parameters.surface) {
         (Some(time_s), Some(surface)) => {
             let whole = in_samples(time_s) as u64 * parameters.sampling_time_ns;
             let phase = nanoseconds(scenario.start.contact_phase * timing.sampling_time_s);
-            let start = solve_start(&parameters, surface.point, whole + phase)
-                .ok_or(SetupError::Unreachable { contact_time_s: time_s })?;
-            if surface.penetration(&parameters.chain.kinematics(&start).pose.position) >= 0.0 {
+            let touch_ns = whole + phase;
+            let start = solve_start(&parameters, surface.point_at(seconds(touch_ns)), touch_ns)
+                .ok_or_else(|| no_start(&parameters, time_s))?;
+            if surface.penetration(&parameters.chain.kinematics(&start).pose.position, 0.0) >= 0.0 {
                 return Err(SetupError::NotApproaching { contact_time_s: time_s });
             }
             start
@@ -168,7 +165,34 @@ pub fn plant<const N: usize, const D: usize>(
         _ => parameters.start,
     };
     check_pose::<N, D>(&parameters.chain, &start)?;
+    check_step(&parameters, &start, scenario)?;
     Ok(Plant::new(PlantParameters { start, ..parameters }))
+}
+
+/// Why no start was found: an arm that sinks does not get where it is led.
+fn no_start<const N: usize, const D: usize>(parameters: &PlantParameters<N, D>, contact_time_s: f64) -> SetupError {
+    let overload = parameters.joints.overloads().first().copied();
+    overload.map_or(SetupError::Unreachable { contact_time_s }, SetupError::Overloaded)
+}
+
+/// Whether the steps resolve an arm with masses, in the air and in an impact at the fastest speed of
+/// the motion.
+fn check_step<const N: usize, const D: usize>(
+    parameters: &PlantParameters<N, D>,
+    start: &SVector<f64, N>,
+    scenario: &Scenario,
+) -> Result<(), SetupError> {
+    let Joints::RigidBody(arm) = &parameters.joints else { return Ok(()) };
+    let kinematics = parameters.chain.kinematics(start);
+    let touched = parameters.surface.as_ref().and_then(|surface| {
+        let normal = surface.normal_at(&kinematics.pose.position, 0.0);
+        let linear = |twist: &[f64]| twist.iter().take(3).map(|speed| speed * speed).sum::<f64>().sqrt();
+        let fastest = scenario.motion.iter().map(|phase| linear(&phase.twist)).fold(0.0, f64::max);
+        let mass = arm.effective_mass(start, &normal)?;
+        let stiffness = surface.hardest(mass, fastest + surface.most_speed());
+        Some(Spring { lever: kinematics.jacobian.fixed_rows::<3>(0).tr_mul(&normal), stiffness })
+    });
+    Ok(arm.check_step(start, seconds(parameters.substep_ns), touched)?)
 }
 
 fn check_pose<const N: usize, const D: usize>(chain: &Chain<N>, q: &SVector<f64, N>) -> Result<(), SetupError> {
@@ -207,7 +231,7 @@ fn free_position<const N: usize, const D: usize>(
 ) -> Option<Vector3<f64>> {
     let mut plant = Plant::new(PlantParameters {
         start,
-        joints: parameters.joints.smooth(&start),
+        joints: parameters.joints.smooth(),
         surface: None,
         sensor: None,
         velocity_lag_s: 0.0,

@@ -107,6 +107,9 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
     let boot_id = (first ^ u64::from(std::process::id()) << 32) | 1;
     let mut plant =
         any_plant(&scenario, first, boot_id, true).map_err(|error| (ExitCode::Config, error.to_string()))?;
+    for overload in plant.overloads() {
+        tracing::warn!("{overload}");
+    }
     let patience = first + (args.controller_timeout_s * 1e9) as u64;
     let turns = Turns {
         ports,
@@ -117,6 +120,9 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
     let mut summary = Summary::of_scenario(&scenario);
     while !plant.is_finished() && !stop.load(Ordering::Relaxed) {
         summary.add(&turns.turn(&mut *plant));
+        if let Some(divergence) = plant.divergence() {
+            return Err((ExitCode::Internal, divergence.to_string()));
+        }
         if plant.met_singularity() {
             return Err((
                 ExitCode::Config,

@@ -42,6 +42,39 @@ fn every_key_is_checked() {
 }
 
 #[test]
+fn every_key_of_a_surface_is_checked() {
+    let tables = "\n[surface.step]\ndirection = [1.0, 0.0, 0.0]\nat_m = 0.1\nwidth_m = 0.0\nstiffness_n_m = 2e5\n\
+                  [surface.hunt_crossley]\nexponent = 1.5\ndepth_m = 0.001\ndamping_s_m = 1.0\n\
+                  [surface.plate]\nvelocity_m_s = 0.01\namplitude_m = 0.001\nfrequency_hz = 3.0\n";
+    let keys = "stiffness_n_m = 1e5\nshape = \"sphere\"\ncurvature_1_m = 2.0";
+    let full = format!("{}{tables}", PAPER.replace("stiffness_n_m = 1e5", keys));
+    let hardening = format!("{PAPER}\n[surface.hardening]\ndepth_m = 0.001\n");
+    for text in [full, hardening] {
+        check_every_key::<Scenario>(&text).unwrap_or_else(|failures| panic!("{}", failures.join("\n")));
+    }
+}
+
+#[test]
+fn keys_of_a_surface_fit_each_other() {
+    let hunt = "\n[surface.hunt_crossley]\ndamping_s_m = 1.0\n";
+    let hardening = "\n[surface.hardening]\ndepth_m = 0.001\n";
+    let step = "\n[surface.step]\ndirection = [0.0, 0.0, 0.0]\nat_m = 0.1\nstiffness_n_m = 2e5\n";
+    for (key, tables, error) in [
+        ("shape = \"sphere\"", "", "surface.curvature_1_m = 0"),
+        ("shape = \"plane\"\ncurvature_1_m = 2.0", "", "surface.curvature_1_m = 2"),
+        ("curvature_1_m = 2.0\naxis = [0.42, 0.9, 0.0]", "", "surface.axis"),
+        ("", &format!("{hunt}{hardening}"), "surface.hardening"),
+        ("damping_n_s_m = 3.0", hunt, "surface.damping_n_s_m = 3"),
+        ("maxwell_stiffness_n_m = 5e4", hardening, "surface.maxwell_stiffness_n_m = 50000"),
+        ("", step, "surface.step.direction"),
+    ] {
+        let text = format!("{}{tables}", PAPER.replace("stiffness_n_m = 1e5", &format!("stiffness_n_m = 1e5\n{key}")));
+        let found = parse::<Scenario>(&text, "paper.toml").expect_err(error).to_string();
+        assert!(found.contains(error) && found.contains("accepted"), "{error}: {found}");
+    }
+}
+
+#[test]
 fn lengths_follow_the_arm() {
     let errors = |from: &str, to: &str| {
         let text = PAPER.replacen(from, to, 1);

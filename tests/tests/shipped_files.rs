@@ -40,7 +40,8 @@ fn each_robot_s_configuration_presses_and_slides_in_its_scenario() {
     };
     let pairs =
         [("planar", "paper", 1, 200.0), ("six-joint", "six-joint", 2, 150.0), ("seven-joint", "seven-joint", 2, 150.0)];
-    assert_eq!(toml_files("deploy/robots").len(), pairs.len(), "each robot has a scenario");
+    // ur10e follows the damping law, which keeps no limit: virtual_time/ur10e_impact.rs.
+    assert_eq!(toml_files("deploy/robots").len(), pairs.len() + 1, "each robot has a scenario");
     for (robot, scenario, axis, force_limit) in pairs {
         let config = read(&format!("deploy/robots/{robot}.toml"));
         let scenario = read(&format!("plant-sim/scenarios/{scenario}.toml"));

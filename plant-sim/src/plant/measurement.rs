@@ -6,7 +6,6 @@ use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 use super::Plant;
 use crate::environment::Contact;
-use crate::seconds;
 
 /// What the shell measured about one cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -94,7 +93,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             contact_losses: self.contact_losses,
             motion: motion.code(),
             missed: u32::from(missed),
-            scenario_time_s: self.index as f64 * seconds(self.parameters.sampling_time_ns),
+            scenario_time_s: self.scenario_time_s(),
             normal_force_n: self.contact.normal_force,
             penetration_m: self.contact.penetration,
             peak_normal_force_n: self.peaks.normal_force,

@@ -96,7 +96,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         match (self.retreat, &self.parameters.surface) {
             (None | Some(Retreat::Next), _) => self.parameters.motion.twist(self.index),
             (Some(Retreat::Commanded(_) | Retreat::Jogged(_)), Some(surface)) => {
-                let out = surface.normal_at(&self.kinematics.pose.position) * SPEED_M_S;
+                let out = surface.normal_at(&self.kinematics.pose.position, self.time_s()) * SPEED_M_S;
                 SVector::from_fn(|axis, _| if axis < 3 { out[axis] } else { 0.0 })
             }
             _ => SVector::zeros(),

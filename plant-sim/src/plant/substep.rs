@@ -1,22 +1,21 @@
 //! A step over which the joint reference is constant: joints, surface, tool and wrench estimate.
 
-use nalgebra::{SVector, Vector3, Vector6};
+use nalgebra::SVector;
 
-use super::{Plant, contact_of, substep_of};
+use super::pressing::Pressing;
+use super::{Divergence, Plant, contact_of, substep_of};
 use crate::seconds;
 use crate::tool_inertia::Tool;
 
 impl<const N: usize, const D: usize> Plant<N, D> {
     /// Whether the TCP cannot reach the surface in this time: a bound from joint speeds.
     pub(super) fn stays_free(&self, duration_ns: u64, reference: &SVector<f64, N>) -> bool {
-        if self.parameters.surface.is_none() {
-            return true;
-        }
+        let Some(surface) = &self.parameters.surface else { return true };
         if self.contact.penetration >= 0.0 {
             return false;
         }
         let Some(speed) = self.parameters.joints.most_speed(&self.joints, reference) else { return false };
-        self.contact.penetration + speed.dot(&self.reach) * seconds(duration_ns) < 0.0
+        self.contact.penetration + (speed.dot(&self.reach) + surface.most_speed()) * seconds(duration_ns) < 0.0
     }
 
     /// Whether a single step of a free arm shows the same as many short ones.
@@ -55,14 +54,19 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         // A reference that jumps lets the accelerations jump.
         let inertia = self.inertia_of_tool(reference);
         self.parameters.estimate.jump(&(inertia - self.tool_inertia));
-        let (chain, surface, creep) = (&self.parameters.chain, self.parameters.surface.as_ref(), &self.creep);
-        let load = |position: &SVector<f64, N>, velocity: &SVector<f64, N>| {
-            let force = surface.map_or_else(Vector3::zeros, |_| {
-                contact_of(surface, &chain.kinematics(position), velocity, creep).force
-            });
-            Vector6::new(force.x, force.y, force.z, 0.0, 0.0, 0.0)
+        let load = Pressing {
+            chain: &self.parameters.chain,
+            surface: self.parameters.surface.as_ref(),
+            creep: &self.creep,
+            time_s: self.time_s(),
+            kinematics: &self.kinematics,
+            contact: &self.contact,
         };
-        self.parameters.joints.advance(&step.joints, &mut self.joints, reference, &load);
+        let joint = self.joints.velocity.iamax();
+        let velocity_rad_s = self.joints.velocity[joint];
+        if !self.parameters.joints.advance(&step.joints, &mut self.joints, reference, &load) {
+            self.divergence.get_or_insert(Divergence { time_s: self.scenario_time_s(), joint, velocity_rad_s });
+        }
         self.now_ns += duration_ns;
         if !is_free {
             self.look(duration_ns);
@@ -79,12 +83,13 @@ impl<const N: usize, const D: usize> Plant<N, D> {
 
     /// Where the TCP is after a step of this length, and what it presses on.
     pub(super) fn look(&mut self, duration_ns: u64) {
+        let time_s = self.time_s();
         self.kinematics = self.parameters.chain.kinematics(&self.joints.position);
         let surface = self.parameters.surface.as_ref();
         if let Some(surface) = surface {
-            self.creep = surface.crept(&self.creep, &self.kinematics.pose.position, seconds(duration_ns));
+            self.creep = surface.crept(&self.creep, &self.kinematics.pose.position, seconds(duration_ns), time_s);
         }
-        self.contact = contact_of(surface, &self.kinematics, &self.joints.velocity, &self.creep);
+        self.contact = contact_of(surface, &self.kinematics, &self.joints.velocity, &self.creep, time_s);
         self.peaks.add(&self.contact);
         let touches = self.contact.touches;
         self.contact_losses += u32::from(self.touched && !touches);

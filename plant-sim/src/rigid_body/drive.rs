@@ -25,12 +25,6 @@ pub struct DriveParameters<const N: usize> {
     pub encoder_step: SVector<f64, N>,
 }
 
-impl<const N: usize> DriveParameters<N> {
-    pub(super) fn without_steps(&self) -> Self {
-        Self { encoder_step: SVector::zeros(), ..self.clone() }
-    }
-}
-
 /// The drives as they run.
 #[derive(Debug, Clone)]
 pub(super) struct Drive<const N: usize> {
@@ -76,6 +70,12 @@ impl<const N: usize> Drive<N> {
 
     pub(super) fn parameters(&self) -> &DriveParameters<N> {
         &self.parameters
+    }
+
+    /// With encoders of endless resolution; where they stand is to be set anew.
+    pub(super) fn without_encoder_steps(&self) -> Self {
+        let parameters = DriveParameters { encoder_step: SVector::zeros(), ..self.parameters.clone() };
+        Self { parameters, ..self.clone() }
     }
 
     pub(super) fn period_ns(&self) -> u64 {

@@ -5,8 +5,9 @@
 //!
 //! (1 − γhA) k₁ = f(y), (1 − γhA) k₂ = f(y + h k₁) − 2 k₁, y⁺ = y + 3/2 h k₁ + 1/2 h k₂
 //!
-//! A has friction's slope alone: it is the one thing here that is too stiff for the step, and a
-//! joint that sticks would chatter.
+//! A has the slope of friction, in the joints and at the surface, and of the surface's damping: what
+//! sticks would chatter, and a light tool on a strong damper burst. Springs it has not; `resolution`
+//! holds them to the step.
 
 use nalgebra::SVector;
 
@@ -24,6 +25,13 @@ pub(super) struct Motion<const N: usize> {
     pub(super) rotor_velocity: SVector<f64, N>,
 }
 
+impl<const N: usize> Motion<N> {
+    fn is_finite(&self) -> bool {
+        let all = [&self.position, &self.velocity, &self.rotor_position, &self.rotor_velocity];
+        all.iter().all(|vector| vector.iter().all(|value| value.is_finite()))
+    }
+}
+
 /// What accelerates both sides, N m.
 struct Torques<const N: usize> {
     joint: SVector<f64, N>,
@@ -38,8 +46,8 @@ struct Change<const N: usize> {
 }
 
 impl<const N: usize> RigidBody<N> {
-    /// A step of `h` seconds. A motion that is no longer finite stays as it is.
-    pub(super) fn step(&self, before: &Motion<N>, h: f64, load: Load<'_, N>) -> Motion<N> {
+    /// A step of `h` seconds; `None` where the motion is then no longer finite.
+    pub(super) fn step(&self, before: &Motion<N>, h: f64, load: &impl Load<N>) -> Option<Motion<N>> {
         let slope: SVector<f64, N> =
             SVector::from_fn(|joint, _| self.joints[joint].friction.slope(before.rotor_velocity[joint]));
         let here = self.arm.at(&before.position);
@@ -49,24 +57,26 @@ impl<const N: usize> RigidBody<N> {
         for joint in (0..N).filter(|joint| self.joints[*joint].gear.is_none()) {
             damped[(joint, joint)] += GAMMA * h * slope[joint];
         }
-        let Some(factor) = damped.cholesky() else { return *before };
+        let pressed = load.at(&before.position, &before.velocity, 0.0);
+        if let Some(resistance) = pressed.resistance {
+            damped += resistance * (GAMMA * h);
+        }
+        let factor = damped.cholesky()?;
         let rotor_mass: SVector<f64, N> = SVector::from_fn(|joint, _| self.joints[joint].reflected_inertia);
         let damped_rotor: SVector<f64, N> = SVector::from_fn(|joint, _| {
             if self.joints[joint].gear.is_some() { rotor_mass[joint] + slope[joint] * (GAMMA * h) } else { 1.0 }
         });
 
         let torques = self.torques(before);
-        let bias = here.bias(&before.velocity, &load(&before.position, &before.velocity));
+        let bias = here.bias(&before.velocity, &pressed.wrench);
         let first =
             Change { joint: factor.solve(&(torques.joint - bias)), rotor: torques.rotor.component_div(&damped_rotor) };
 
         let along = Change { joint: before.velocity * h, rotor: before.rotor_velocity * h };
         let there = self.moved(before, &along, &Change { joint: first.joint * h, rotor: first.rotor * h });
         let torques = self.torques(&there);
-        let pressing = load(&there.position, &there.velocity);
-        let Some(free) = self.arm.at(&there.position).acceleration(&there.velocity, &torques.joint, &pressing) else {
-            return *before;
-        };
+        let pressing = load.at(&there.position, &there.velocity, h).wrench;
+        let free = self.arm.at(&there.position).acceleration(&there.velocity, &torques.joint, &pressing)?;
         let rotor_rest = torques.rotor - rotor_mass.component_mul(&first.rotor) * 2.0;
         let second = Change {
             joint: factor.solve(&(mass * (free - first.joint * 2.0))),
@@ -79,7 +89,7 @@ impl<const N: usize> RigidBody<N> {
         let along =
             Change { joint: way(&before.velocity, &first.joint), rotor: way(&before.rotor_velocity, &first.rotor) };
         let faster = Change { joint: change(&first.joint, &second.joint), rotor: change(&first.rotor, &second.rotor) };
-        self.moved(before, &along, &faster)
+        Some(self.moved(before, &along, &faster)).filter(Motion::is_finite)
     }
 
     fn torques(&self, motion: &Motion<N>) -> Torques<N> {

@@ -8,12 +8,19 @@ mod drive;
 mod friction;
 mod integration;
 mod joint;
+mod load;
+mod overload;
+mod resolution;
 mod section;
 
 pub use drive::DriveParameters;
 pub use friction::Friction;
 pub use joint::{Gear, JointParameters};
-pub use section::RigidBodySection;
+pub use load::{Load, Pressed};
+pub use overload::Overload;
+pub(crate) use resolution::Spring;
+pub use resolution::Unresolved;
+pub use section::{RigidBodySection, RigidJointSection};
 
 use admittance_core::robot::{ArmDynamics, Chain, DynamicsError, LinkInertia};
 use nalgebra::{SVector, Vector3, Vector6};
@@ -21,10 +28,7 @@ use nalgebra::{SVector, Vector3, Vector6};
 use crate::joint_loop::JointState;
 use drive::Drive;
 use integration::Motion;
-
-/// What the arm presses on: the wrench that it exerts on the environment at the TCP, in N and N m,
-/// base frame, where the joints are at a position in rad and move with a velocity in rad/s.
-pub type Load<'a, const N: usize> = &'a dyn Fn(&SVector<f64, N>, &SVector<f64, N>) -> Vector6<f64>;
+use load::Later;
 
 /// An arm of N joints and its drives, which step by step follow a velocity reference.
 #[derive(Debug, Clone)]
@@ -65,7 +69,7 @@ impl<const N: usize> RigidBody<N> {
         let stiff = SVector::from_fn(|joint, _| if joints[joint].gear.is_none() { all[joint] } else { 0.0 });
         let model = ArmDynamics::new(chain, links, all, gravity)?;
         let arm = ArmDynamics::new(chain, links, stiff, gravity)?;
-        Ok(Self::at_rest(arm, model, joints, drive, start))
+        Ok(Self::at_rest(arm, model, joints, drive, start, &Vector3::zeros()))
     }
 
     fn at_rest(
@@ -74,8 +78,10 @@ impl<const N: usize> RigidBody<N> {
         joints: [JointParameters; N],
         drive: DriveParameters<N>,
         start: &SVector<f64, N>,
+        pressing: &Vector3<f64>,
     ) -> Self {
-        let torque = model.at(start).gravity_torque();
+        let wrench = Vector6::new(pressing.x, pressing.y, pressing.z, 0.0, 0.0, 0.0);
+        let torque = model.at(start).bias(&SVector::zeros(), &wrench);
         let wound_up = |joint: usize, gear: Gear| torque[joint] / gear.stiffness;
         let position =
             SVector::from_fn(|joint, _| start[joint] + joints[joint].gear.map_or(0.0, |gear| wound_up(joint, gear)));
@@ -89,27 +95,31 @@ impl<const N: usize> RigidBody<N> {
         }
     }
 
-    /// The same arm at rest at another joint position in rad.
+    /// The same arm at rest at another joint position in rad, in balance where it presses with a force
+    /// in N, base frame.
     #[must_use]
-    pub fn resting_at(&self, start: &SVector<f64, N>) -> Self {
-        Self::at_rest(self.arm, *self.drive.model(), self.joints, self.drive.parameters().clone(), start)
+    pub fn resting_at(&self, start: &SVector<f64, N>, pressing: &Vector3<f64>) -> Self {
+        let drive = self.drive.parameters().clone();
+        Self::at_rest(self.arm, *self.drive.model(), self.joints, drive, start, pressing)
     }
 
-    /// The same arm, at rest, with encoders of endless resolution: where it gets to then depends
-    /// smoothly on where it starts.
-    pub(crate) fn without_encoder_steps(&self, start: &SVector<f64, N>) -> Self {
-        Self::at_rest(self.arm, *self.drive.model(), self.joints, self.drive.parameters().without_steps(), start)
+    /// The same arm with encoders of endless resolution: where it gets to then depends smoothly on
+    /// where it starts.
+    pub(crate) fn without_encoder_steps(&self) -> Self {
+        Self { drive: self.drive.without_encoder_steps(), ..self.clone() }
     }
 
     /// Goes on for so long: the drives follow `reference` in rad/s, the arm presses on `load`. Long
-    /// steps are cut at the drives' ticks.
+    /// steps are cut at the drives' ticks. False where the motion is no longer finite; the state is then
+    /// the last one that was.
+    #[must_use]
     pub fn advance(
         &mut self,
         state: &mut JointState<N>,
         reference: &SVector<f64, N>,
         duration_ns: u64,
-        load: Load<'_, N>,
-    ) {
+        load: &impl Load<N>,
+    ) -> bool {
         let mut left_ns = duration_ns;
         while left_ns > 0 {
             if self.until_tick_ns == 0 {
@@ -124,13 +134,21 @@ impl<const N: usize> RigidBody<N> {
                 rotor_velocity: self.rotors.velocity,
             };
             let step_s = crate::seconds(step_ns);
-            let after = self.step(&before, step_s, load);
+            let elapsed_s = crate::seconds(duration_ns - left_ns);
+            let Some(after) = self.step(&before, step_s, &Later { load, by_s: elapsed_s }) else { return false };
             state.acceleration = (after.velocity - before.velocity) / step_s;
             (state.position, state.velocity) = (after.position, after.velocity);
             self.rotors = Rotors { position: after.rotor_position, velocity: after.rotor_velocity };
             left_ns -= step_ns;
             self.until_tick_ns -= step_ns;
         }
+        true
+    }
+
+    /// What the arm weighs at the TCP along a unit vector in the base frame, in the first instants of an
+    /// impact, kg; `None` where it does not move that way.
+    pub(crate) fn effective_mass(&self, position: &SVector<f64, N>, direction: &Vector3<f64>) -> Option<f64> {
+        self.arm.effective_mass(position, direction)
     }
 
     /// What the encoders show, at the motors: positions in rad and velocities in rad/s.

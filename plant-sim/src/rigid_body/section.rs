@@ -14,7 +14,8 @@ config_section! {
         mass_kg: f64, unit "kg", range 0.001..=5000.0;
         /// The link's centre of gravity in the frame of its joint.
         center_of_gravity_m: [f64; 3], unit "m", range -10.0..=10.0;
-        /// Inertia about the centre of gravity, along the axes of the joint's frame: xx yy zz xy xz yz.
+        /// Elements xx yy zz xy xz yz of the tensor of inertia about the centre of gravity, along the axes
+        /// of the joint's frame: xy is −∫ x y dm, as in URDF.
         inertia_kg_m2: [f64; 6], unit "kg m^2", range -1e4..=1e4;
         /// Inertia of the motor's rotor, before the gear.
         rotor_inertia_kg_m2: f64 = 0.0, unit "kg m^2", range 0.0..=10.0;

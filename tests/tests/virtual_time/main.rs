@@ -16,4 +16,5 @@ mod stops_and_guards;
 mod unknown_normal;
 mod unknown_surface;
 mod unlagged;
+mod ur10e_impact;
 mod velocity_loops;

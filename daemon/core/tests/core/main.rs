@@ -7,6 +7,7 @@ mod condensation;
 mod constraint_rows;
 mod controller;
 mod dynamics;
+mod effective_mass;
 mod free_motion;
 mod jump;
 mod kinematics;

@@ -12,6 +12,7 @@
 //! |---|---|---|
 //! | which torques does a motion take? | [`DynamicsAt::torque`] | recursive Newton-Euler, table 5.1 |
 //! | what is M(q)? | [`DynamicsAt::mass_matrix`] | composite rigid bodies, table 6.2 |
+//! | what does it weigh in an impact? | [`ArmDynamics::effective_mass`] | M⁻¹ by Cholesky, Khatib 1987 |
 //! | which motion do torques bring about? | [`DynamicsAt::acceleration`] | M⁻¹ by Cholesky, section 6.1 |
 //!
 //! ```
@@ -37,6 +38,7 @@
 //! ```
 
 mod at;
+mod effective_mass;
 mod energy;
 mod forward;
 mod inertia;
