@@ -109,9 +109,13 @@ impl Approach {
             surface: Some(SurfaceSection {
                 point_m: self.pose.tcp_position_m,
                 normal: self.normal,
+                shape: None,
                 curvature_1_m: 0.0,
                 axis: [0.0; 3],
                 stiffness_n_m: config.environment.normal_stiffness_n_m,
+                step: None,
+                hardening: None,
+                hunt_crossley: None,
                 damping_n_s_m: 0.0,
                 maxwell_stiffness_n_m: None,
                 // Any; nothing creeps.
@@ -119,6 +123,7 @@ impl Approach {
                 friction: 0.0,
                 // Any; there is no friction.
                 slip_velocity_m_s: 0.001,
+                plate: None,
             }),
             wrench: WrenchSection {
                 time_constant_s: config.contact.wrench_time_constant_s.clone(),
