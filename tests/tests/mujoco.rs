@@ -21,6 +21,7 @@ const PEAK: f64 = 0.01;
 
 /// An arm with masses whose drives and surface are the scenario's, but for some keys.
 struct Judged {
+    config: String,
     scenario: String,
     /// When a person disables control, s.
     disable_at_s: Option<f64>,
@@ -32,16 +33,18 @@ struct Found {
     theirs: Vec<Sample>,
 }
 
-fn experiment(scenario: &str) -> Experiment {
-    let scenario = parse(scenario, "scenario.toml").expect("the scenario is valid");
-    Experiment { config: parse(CONFIG, "six-joint.toml").expect("the config is valid"), scenario }
-}
-
 impl Judged {
     /// At this speed (m/s) down onto the floor and 0.1 m/s along it.
     fn at(speed: f64, keys: &[(&str, &str)]) -> Self {
         let motion = format!("[{{ duration_s = 1.2, twist = [0.08, 0.06, -{speed:?}, 0.0, 0.0, 0.0] }}]");
-        Self { scenario: with_keys(SCENARIO, &[&[("motion", motion.as_str())], keys].concat()), disable_at_s: None }
+        let scenario = with_keys(SCENARIO, &[&[("motion", motion.as_str())], keys].concat());
+        Self { config: CONFIG.to_owned(), scenario, disable_at_s: None }
+    }
+
+    /// An ordered stop rests once the force has faded to `force_n`.
+    fn disabled_at(self, time_s: f64, force_n: f64) -> Self {
+        let config = with_keys(&self.config, &[("stopping.stop_force_n", &format!("{force_n:?}"))]);
+        Self { config, disable_at_s: Some(time_s), ..self }
     }
 
     fn with_stiff_gears(mut self) -> Self {
@@ -57,7 +60,7 @@ impl Judged {
     /// The scenario with the start that plant-sim finds for its time of contact: the other plant is to
     /// move from the same one, not to look for its own.
     fn with_start_found(&self) -> String {
-        let start = experiment(&self.scenario).run().instants[0].truth.joint_position;
+        let start = self.experiment(&self.scenario).run().instants[0].truth.joint_position;
         let mut table: toml::Table = self.scenario.parse().expect("TOML");
         let section = table["start"].as_table_mut().expect("a section");
         section.retain(|key, _| !key.starts_with("contact_"));
@@ -66,9 +69,14 @@ impl Judged {
         table.to_string()
     }
 
+    fn experiment(&self, scenario: &str) -> Experiment {
+        let scenario = parse(scenario, "scenario.toml").expect("the scenario is valid");
+        Experiment { config: parse(&self.config, "daemon.toml").expect("the config is valid"), scenario }
+    }
+
     fn run(&self) -> Found {
         let scenario = self.with_start_found();
-        let experiment = experiment(&scenario);
+        let experiment = self.experiment(&scenario);
         let timing = &experiment.scenario.timing;
         let samples = |time_s: f64| (time_s / timing.sampling_time_s).round() as u64;
         let disable_at = self.disable_at_s.map(|at_s| samples(timing.settle_s) + samples(at_s));
@@ -79,7 +87,7 @@ impl Judged {
             }
             passed += 1;
         });
-        Found { ours: ours.instants, theirs: mujoco::run(CONFIG, &scenario, self.disable_at_s) }
+        Found { ours: ours.instants, theirs: mujoco::run(&self.config, &scenario, self.disable_at_s) }
     }
 }
 
@@ -137,10 +145,10 @@ fn free_motion_touch_slide_and_a_stop_that_a_person_orders() {
         return;
     }
     let keys = [("surface.friction", "0.2"), ("surface.damping_n_s_m", "50.0")];
-    let found = Judged { disable_at_s: Some(0.9), ..Judged::at(0.1, &keys) }.run();
+    let found = Judged::at(0.1, &keys).disabled_at(0.9, 52.0).run();
     let peak = found.agree("touch and slide");
     assert!(peak > 50.0, "{peak} N");
-    found.went_through(&["Free", "Contact", "Stopped"]);
+    found.went_through(&["Free", "Contact", "Stopping", "Stopped"]);
     let at = |time_s: f64| {
         let sample = found.theirs.iter().find(|sample| sample.scenario_time_s >= time_s).expect("within the run");
         Vector3::from(sample.tcp_position)
