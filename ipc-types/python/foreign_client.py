@@ -178,8 +178,8 @@ class MotionController:
             time.sleep(0.01)
         return True
 
-    def publish(self, joint_position):
-        """Publishes the state of an arm that stands still in free space and wakes the daemon. Returns the sequence."""
+    def next_sample(self, joint_position):
+        """The next state sample, with this instant's stamp: of an arm that stands still in free space."""
         self.sequence += 1
         sample = self.state_class()
         sample.sequence = self.sequence
@@ -192,9 +192,12 @@ class MotionController:
             sample.joint_position[joint] = position
             sample.joint_position_reference[joint] = position
         sample.stamp_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+        return sample
+
+    def publish(self, sample):
+        """Publishes a state sample and wakes the daemon."""
         self.publisher.loan_uninit().write_payload(sample).send()
         self.notifier.notify()
-        return self.sequence
 
     def receive(self):
         """The newest command that has not been read yet, as an own copy; None when there is none."""
@@ -231,11 +234,12 @@ def run(contract, root_path, prefix, instance):
         # Absolute instants: a late cycle is caught up, so that the mean rate is kept.
         due = start + index * SAMPLING_TIME_S
         time.sleep(max(0.0, due - time.monotonic()))
-        sequence = controller.publish([1.2, -1.0])
+        sample = controller.next_sample([1.2, -1.0])
+        controller.publish(sample)
         patience = SAMPLING_TIME_S if last is None else ANSWER_TIMEOUT_S
-        command = controller.wait_for_answer(sequence, time.monotonic() + patience)
+        command = controller.wait_for_answer(sample.sequence, time.monotonic() + patience)
         if command is None:
-            unanswered.append(sequence)
+            unanswered.append(sample.sequence)
             continue
         last = command
         name = contract.enum_name("Mode", command.mode)

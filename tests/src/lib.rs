@@ -8,8 +8,10 @@
 mod binaries;
 mod child;
 pub mod closed_loop;
+mod driven_clock;
 pub mod fault_matrix;
 mod machine;
+pub mod mujoco;
 mod needs;
 pub mod page;
 mod private_ipc;
@@ -20,8 +22,9 @@ mod terminal;
 
 pub use binaries::{Binaries, binaries};
 pub use child::{Child, PATIENCE, wait_until};
+pub use driven_clock::DrivenClock;
 pub use machine::{certain, undisturbed};
-pub use needs::{ICEORYX2_PYTHON_VERSION, MCAP_PYTHON_VERSION, Need, needs, python};
+pub use needs::{ICEORYX2_PYTHON_VERSION, MCAP_PYTHON_VERSION, MUJOCO_PYTHON_VERSION, Need, needs, python};
 pub use private_ipc::PrivateIpc;
 pub use stepped_clock::SteppedClock;
 pub use systemd::Systemd;

@@ -9,6 +9,8 @@ use std::sync::OnceLock;
 pub const ICEORYX2_PYTHON_VERSION: &str = "0.10.0";
 /// The version of the Python package that recordings are read with.
 pub const MCAP_PYTHON_VERSION: &str = "1.6.0";
+/// The version of the Python package that the arm with masses is judged by.
+pub const MUJOCO_PYTHON_VERSION: &str = "4.0.0";
 
 const REQUIRE: &str = "ADMITTANCE_TESTS_REQUIRE";
 const PYTHON: &str = "ADMITTANCE_PYTHON";
@@ -16,8 +18,8 @@ const PYTHON: &str = "ADMITTANCE_PYTHON";
 /// Something that not every machine has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Need {
-    /// A Python 3 that imports iceoryx2 of [`ICEORYX2_PYTHON_VERSION`] and mcap of
-    /// [`MCAP_PYTHON_VERSION`]: see [`python`].
+    /// A Python 3 that imports iceoryx2 of [`ICEORYX2_PYTHON_VERSION`], mcap of
+    /// [`MCAP_PYTHON_VERSION`] and MuJoCo of [`MUJOCO_PYTHON_VERSION`]: see [`python`].
     Python,
     /// Effective user id 0.
     Root,
@@ -103,10 +105,13 @@ fn find_python() -> &'static Result<PathBuf, String> {
             Some(path) => vec![PathBuf::from(path)],
             None => installed_by_ci().into_iter().chain([PathBuf::from("python3")]).collect(),
         };
-        let script = format!(
-            "import importlib.metadata as m, iceoryx2, mcap.reader; v = m.version('iceoryx2'), m.version('mcap'); \
-             assert v == ('{ICEORYX2_PYTHON_VERSION}', '{MCAP_PYTHON_VERSION}'), 'iceoryx2 %s, mcap %s' % v"
-        );
+        let versions =
+            [("iceoryx2", ICEORYX2_PYTHON_VERSION), ("mcap", MCAP_PYTHON_VERSION), ("mujoco", MUJOCO_PYTHON_VERSION)];
+        let check = |(package, version)| {
+            format!("v = m.version('{package}'); assert v == '{version}', '{package} %s, not {version}' % v\n")
+        };
+        let checks: String = versions.map(check).concat();
+        let script = format!("import importlib.metadata as m, iceoryx2, mcap.reader, mujoco\n{checks}");
         let mut reasons = Vec::new();
         for candidate in candidates {
             match run(&candidate.to_string_lossy(), &["-c", &script]) {
@@ -114,10 +119,8 @@ fn find_python() -> &'static Result<PathBuf, String> {
                 Err(reason) => reasons.push(reason),
             }
         }
-        Err(format!(
-            "no Python with iceoryx2 {ICEORYX2_PYTHON_VERSION} and mcap {MCAP_PYTHON_VERSION}: {}",
-            reasons.join("; ")
-        ))
+        let packages = versions.map(|(package, version)| format!("{package} {version}")).join(", ");
+        Err(format!("no Python with {packages}: {}", reasons.join("; ")))
     })
 }
 

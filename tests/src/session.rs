@@ -74,7 +74,15 @@ pub fn daemon_command(ipc: &PrivateIpc, config: &Path) -> Command {
 /// # Panics
 /// When it does not start.
 pub fn start_daemon(ipc: &PrivateIpc, config: &Path) -> Child {
-    let mut daemon = Child::spawn(&mut daemon_command(ipc, config));
+    start(ipc, &mut daemon_command(ipc, config))
+}
+
+/// Starts a daemon by its command line, and waits until it serves requests.
+///
+/// # Panics
+/// When it does not start.
+pub fn start(ipc: &PrivateIpc, command: &mut Command) -> Child {
+    let mut daemon = Child::spawn(command);
     let node = ipc.settings().node("test").expect("a node");
     daemon.wait_until("the daemon serves requests", PATIENCE, |_| {
         services::request(&node, &ipc.settings().instance, Access::Open).is_ok()
