@@ -8,7 +8,7 @@ use roxmltree::{Document, Node};
 use super::xml::{Refused, Shown, line_of};
 
 /// Most links: as many joints connect them.
-const MOST_LINKS: usize = 10_000;
+const MOST_LINKS: usize = 2_000;
 /// Attributes that are numbers, of which element, and how many each has.
 const NUMBERS: [(&str, &[&str], usize); 7] = [
     ("origin", &["xyz", "rpy"], 3),
@@ -48,10 +48,16 @@ pub(super) fn links_and_joints(document: &Document<'_>) -> Result<(SaidOf, SaidO
         return Err(Refused::new(line_of(robot), why));
     }
     let (mut links, mut joints) = (SaidOf::new(), SaidOf::new());
+    let (mut counted, mut line) = (0, 1);
     for node in elements(robot) {
+        // Counted on from the element before: from the beginning would take long for thousands.
+        let begin = node.range().start;
+        line += document.input_text()[counted..begin].matches('\n').count() as u32;
+        counted = begin;
+        let at_line = |said| Said { line: Some(line), ..said };
         match node.tag_name().name() {
-            "link" => insert(&mut links, "link", node, link(node)?)?,
-            "joint" => insert(&mut joints, "joint", node, joint(node)?)?,
+            "link" => insert(&mut links, "link", node, at_line(link(node)?))?,
+            "joint" => insert(&mut joints, "joint", node, at_line(joint(node)?))?,
             _ => {}
         }
     }
@@ -152,7 +158,7 @@ fn link(node: Node<'_, '_>) -> Result<Said, Refused> {
             link.needed(inertial, "inertia", moment)?;
         }
     }
-    Ok(Said { line: line_of(node), inertial: inertial.is_some(), ..Said::default() })
+    Ok(Said { inertial: inertial.is_some(), ..Said::default() })
 }
 
 fn joint(node: Node<'_, '_>) -> Result<Said, Refused> {
@@ -173,5 +179,5 @@ fn joint(node: Node<'_, '_>) -> Result<Said, Refused> {
     let limit = joint.child(node, "limit")?;
     let has = |name: &str| limit.is_some_and(|limit| limit.attribute(name).is_some());
     let position = has("lower") && has("upper");
-    Ok(Said { line: line_of(node), inertial: false, position, velocity: has("velocity"), effort: has("effort") })
+    Ok(Said { position, velocity: has("velocity"), effort: has("effort"), ..Said::default() })
 }

@@ -12,6 +12,10 @@ pub(crate) const LARGEST_URDF: u64 = 4 << 20;
 const MOST_NODES: u32 = 100_000;
 /// Deepest nesting: a link's mesh is five deep.
 const DEEPEST: usize = 64;
+/// Longest tag in bytes, with its attributes, each of which is compared with all others.
+const LONGEST_TAG: usize = 4096;
+/// Most declarations of namespaces, which every element within them has.
+const MOST_NAMESPACES: usize = 64;
 /// Longest name that a message quotes, in characters.
 const LONGEST_SHOWN: usize = 60;
 
@@ -45,18 +49,57 @@ impl fmt::Display for Shown<'_> {
     }
 }
 
-/// Where an element begins, from 1.
+/// Where an element begins, from 1: for an error, since it is counted from the beginning.
 pub(super) fn line_of(node: Node<'_, '_>) -> Option<u32> {
     Some(node.document().text_pos_at(node.range().start).row)
 }
 
 /// The elements of a text of [`LARGEST_URDF`] at most.
 pub(super) fn parsed(text: &str) -> Result<Document<'_>, Refused> {
+    has_no_long_tags(text)?;
+    if text.matches("xmlns").nth(MOST_NAMESPACES).is_some() {
+        let why = format!("it declares more than {MOST_NAMESPACES} namespaces; accepted: a URDF, which needs none");
+        return Err(Refused::new(None, why));
+    }
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options).map_err(|error| refused(&error))?;
     is_not_deep(&document)?;
     is_not_xacro(&document)?;
     Ok(document)
+}
+
+/// What the parser would take long for. It says itself what is no XML.
+fn has_no_long_tags(text: &str) -> Result<(), Refused> {
+    let mut rest = text;
+    while let Some(begin) = rest.find('<') {
+        rest = &rest[begin..];
+        let end = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")]
+            .into_iter()
+            .find(|(start, _)| rest.starts_with(start));
+        let length = match end {
+            Some((_, end)) => rest.find(end),
+            None => {
+                let mut quote = None;
+                rest.bytes().position(|byte| {
+                    match (quote, byte) {
+                        (None, b'"' | b'\'') => quote = Some(byte),
+                        (Some(open), byte) if open == byte => quote = None,
+                        _ => {}
+                    }
+                    quote.is_none() && byte == b'>'
+                })
+            }
+        };
+        let length = length.unwrap_or(rest.len());
+        if end.is_none() && length > LONGEST_TAG {
+            let line = text[..text.len() - rest.len()].matches('\n').count() + 1;
+            let why = format!("a tag of more than {LONGEST_TAG} bytes; accepted: a URDF");
+            return Err(Refused::new(u32::try_from(line).ok(), why));
+        }
+        // What closes it is ASCII, of one byte at least.
+        rest = rest.get(length + 1..).unwrap_or_default();
+    }
+    Ok(())
 }
 
 fn refused(error: &roxmltree::Error) -> Refused {

@@ -115,10 +115,21 @@ fn what_is_no_urdf_or_far_too_much_is_refused() {
     assert!(said(&deep).contains("nested more than 64 deep"));
     let wide = format!("<robot>{}</robot>", "<a/>".repeat(200_000));
     assert!(said(&wide).contains("more than 100000 elements"));
-    let links: String = (0..10_001).map(|link| format!("<link name=\"l{link}\"/>")).collect();
-    assert!(said(&format!("<robot>{links}</robot>")).contains("10001 links"));
+    let links: String = (0..2_001).map(|link| format!("<link name=\"l{link}\"/>")).collect();
+    assert!(said(&format!("<robot>{links}</robot>")).contains("2001 links"));
     let name = format!("<robot><link name=\"a\"/><joint name=\"{}\"/></robot>", "n".repeat(LARGEST_URDF as usize));
-    assert!(said(&name).len() < 500);
+    assert!(said(&name).contains("arm.urdf:1: a tag of more than 4096 bytes"));
+    let long = |length: usize| {
+        format!("<robot>\n<!-- {} -->\n<link name=\"{}>\"/></robot>", "<".repeat(9000), "n".repeat(length))
+    };
+    assert!(said(&long(5000)).contains("arm.urdf:3: a tag of more than 4096 bytes"), "{}", said(&long(5000)));
+    assert!(said(&long(3000)).contains("--base \"world\": no link") && said(&long(3000)).len() < 300);
+    let spaces: String = (0..65).map(|space| format!("<a xmlns:s{space}=\"u\"/>")).collect();
+    assert!(said(&format!("<robot>{spaces}</robot>")).contains("more than 64 namespaces"));
+    // As many links as there may be are read, with their lines.
+    let link = |link: usize| format!("<link name=\"l{link}\"/>\n{}", " ".repeat(300));
+    let many: String = (0..2_000).map(link).collect();
+    assert!(said(&format!("<robot>{many}</robot>")).contains("no link of this name"));
     let refused = printed(b"<robot name=\"\xff\"/>", &origin("a", "b"), false).expect_err("no text");
     assert!(refused.of("x.urdf").contains("x.urdf: it is not UTF-8"));
     let control = said("<robot><link name=\"a&#x1b;[2J\u{202e}\"/></robot>");
