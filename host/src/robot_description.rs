@@ -1,6 +1,8 @@
 //! The `[robot]` section: one description of the arm for the daemon's configuration and the plant's
 //! scenarios.
 
+use std::path::PathBuf;
+
 use admittance_core::robot::{Chain, Joint, Pose, SUPPORTED_ARMS, VelocityLoops, rotation_from_rpy};
 use admittance_core::with_arm;
 
@@ -43,6 +45,33 @@ crate::config_section! {
 }
 
 crate::config_section! {
+    /// Where a description is from that `admittancectl import` has printed. `admittancectl validate`
+    /// warns when that file has changed since; nothing else looks at it.
+    pub struct SourceDescription {
+        /// The URDF; a relative path begins at the directory of this file.
+        urdf: PathBuf, length 1..=4096;
+        /// Its SHA-256 when it was imported: 64 hexadecimal digits.
+        sha256: String, length 64..=64;
+        /// The link whose frame is the base frame.
+        base: String, length 1..=256;
+        /// The link whose frame is the TCP.
+        tip: String, length 1..=256;
+    }
+    cross_check check_source;
+}
+
+fn check_source(source: &SourceDescription, path: &str, errors: &mut Vec<ConfigError>) {
+    if !source.sha256.chars().all(|digit| digit.is_ascii_hexdigit()) {
+        let key = format!("{path}.sha256");
+        errors.push(ConfigError::new(
+            key,
+            format!("{:?}", source.sha256),
+            "64 hexadecimal digits, as sha256sum prints",
+        ));
+    }
+}
+
+crate::config_section! {
     /// The arm: a serial chain of revolute joints with velocity-controlled drives.
     pub struct RobotDescription {
         /// What logs call it.
@@ -58,6 +87,8 @@ crate::config_section! {
         joint: Vec<JointDescription>, length 2..=8;
         /// Where the TCP is in the last link's frame.
         tool: ToolDescription;
+        /// The URDF that the description is from; written by hand when absent.
+        source: Option<SourceDescription>;
     }
     cross_check check_arm;
 }

@@ -11,6 +11,10 @@ pub const ICEORYX2_PYTHON_VERSION: &str = "0.10.0";
 pub const MCAP_PYTHON_VERSION: &str = "1.6.0";
 /// The version of the Python package that the arm with masses is judged by.
 pub const MUJOCO_PYTHON_VERSION: &str = "4.0.0";
+/// The version of Pinocchio that imported arms are held to.
+const PINOCCHIO_PYTHON_VERSION: &str = "4.1.0";
+/// The version of the descriptions that are imported.
+const ROBOT_DATA_PYTHON_VERSION: &str = "6.0.0";
 
 const REQUIRE: &str = "ADMITTANCE_TESTS_REQUIRE";
 const PYTHON: &str = "ADMITTANCE_PYTHON";
@@ -21,6 +25,9 @@ pub enum Need {
     /// A Python 3 that imports iceoryx2 of [`ICEORYX2_PYTHON_VERSION`], mcap of
     /// [`MCAP_PYTHON_VERSION`] and MuJoCo of [`MUJOCO_PYTHON_VERSION`]: see [`python`].
     Python,
+    /// That Python with pin of [`PINOCCHIO_PYTHON_VERSION`] and example-robot-data of
+    /// [`ROBOT_DATA_PYTHON_VERSION`].
+    RobotDescriptions,
     /// Effective user id 0.
     Root,
     /// systemd and the means (root, namespaces) to run one apart from the machine's own.
@@ -74,6 +81,9 @@ fn reason_to_skip(required: Option<&str>, need: Need, found: Result<(), String>)
 fn look_for(need: Need) -> Result<(), String> {
     match need {
         Need::Python => find_python().as_ref().map(|_| ()).map_err(Clone::clone),
+        Need::RobotDescriptions => {
+            find_python().as_ref().map_err(Clone::clone).and_then(|python| robot_descriptions(python))
+        }
         Need::Root => root(),
         Need::Systemd => root().and_then(|()| systemd()),
         Need::Strace => run("strace", &["-o", "/dev/null", "true"]),
@@ -122,6 +132,14 @@ fn find_python() -> &'static Result<PathBuf, String> {
         let packages = versions.map(|(package, version)| format!("{package} {version}")).join(", ");
         Err(format!("no Python with {packages}: {}", reasons.join("; ")))
     })
+}
+
+fn robot_descriptions(python: &Path) -> Result<(), String> {
+    let script = format!(
+        "import importlib.metadata as m, pinocchio; v = m.version('pin'), m.version('example-robot-data'); assert v == \
+         ('{PINOCCHIO_PYTHON_VERSION}', '{ROBOT_DATA_PYTHON_VERSION}'), 'pin %s, example-robot-data %s' % v"
+    );
+    run(&python.to_string_lossy(), &["-c", &script])
 }
 
 /// Where `.ci/run` keeps its Python.

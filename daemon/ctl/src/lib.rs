@@ -14,6 +14,7 @@ pub mod consequences;
 pub mod demo;
 mod diagnostics;
 mod doctor;
+mod import;
 mod installed_files;
 mod limits;
 pub mod offline;
@@ -64,6 +65,8 @@ enum Command {
     Demo(demo::Args),
     /// Check configuration files; nothing is started.
     Validate(validate::Args),
+    /// Print the robot file of an arm from its URDF, with what is still to be filled in.
+    Import(import::Args),
     /// Say what a running daemon is doing.
     Status(request::StatusArgs),
     /// Watch a running daemon in the terminal.
@@ -139,6 +142,7 @@ fn run(command: Command) -> Outcome<Exit> {
     match command {
         Command::Demo(args) => demo::run(&args),
         Command::Validate(args) => validate::run(&args),
+        Command::Import(args) => import::run(&args),
         Command::Status(args) => request::status(&args),
         Command::Top(args) => top::run(&args),
         Command::Record(args) => record::run(&args),

@@ -6,7 +6,7 @@ use admittance_host::config::{self, LoadError, Section, keys_markdown};
 use admittance_runner::config::Config;
 use plant_sim::scenario::Scenario;
 
-use crate::{Exit, consequences};
+use crate::{Exit, consequences, import};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  admittancectl validate /etc/admittanced/cell-3.toml\n  \
@@ -73,13 +73,19 @@ fn shown(path: &Path) -> String {
     config::escaped(&path.to_string_lossy())
 }
 
+fn warn(file: &Path, warnings: impl IntoIterator<Item = String>) {
+    warnings.into_iter().for_each(|warning| eprintln!("{}: warning: {warning}", shown(file)));
+}
+
 /// Checks a file, and says what came of it.
 fn one(file: &Path, is_scenario: bool, verbose: bool) -> Exit {
     let checked = if is_scenario {
-        config::load::<Scenario>(file).map(|_| ()).map_err(|error| (code(&error), error.to_string()))
+        config::load::<Scenario>(file)
+            .map(|scenario| warn(file, import::warning(&scenario.robot, file)))
+            .map_err(|error| (code(&error), error.to_string()))
     } else {
         load(file).map(|config| {
-            config.warnings().iter().for_each(|warning| eprintln!("{}: warning: {warning}", shown(file)));
+            warn(file, config.warnings().into_iter().chain(import::warning(&config.robot, file)));
             if verbose {
                 consequences::lines(&config).iter().for_each(|line| println!("{}: {line}", shown(file)));
             }

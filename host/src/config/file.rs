@@ -14,10 +14,21 @@ pub const LARGEST_FILE: u64 = 1 << 20;
 /// # Errors
 /// What the system says, or what the file is instead.
 pub fn read_text(path: &Path) -> io::Result<String> {
+    String::from_utf8(read_bytes(path, LARGEST_FILE)?)
+        .map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8 text; accepted: TOML"))
+}
+
+/// What is in a regular file of so many bytes at most.
+///
+/// # Errors
+/// What the system says, or what the file is instead.
+pub fn read_bytes(path: &Path, largest: u64) -> io::Result<Vec<u8>> {
     // Without waiting for the other end of a pipe.
     let file = OpenOptions::new().read(true).custom_flags(libc::O_NONBLOCK).open(path)?;
     let found = file.metadata()?;
-    let refused = |what: String| Err(io::Error::other(what + "; accepted: a regular file of up to 1 MiB"));
+    let refused = |what: String| {
+        Err(io::Error::other(format!("{what}; accepted: a regular file of up to {} MiB", largest >> 20)))
+    };
     let kind = found.file_type();
     if !kind.is_file() {
         let what = match () {
@@ -28,15 +39,15 @@ pub fn read_text(path: &Path) -> io::Result<String> {
         };
         return refused(format!("it is {what}"));
     }
-    let too_large = || refused(format!("it has more than {LARGEST_FILE} bytes"));
-    if found.len() > LARGEST_FILE {
+    let too_large = || refused(format!("it has more than {largest} bytes"));
+    if found.len() > largest {
         return too_large();
     }
     let mut bytes = Vec::new();
     // A file may grow meanwhile, and some say that they are empty.
-    file.take(LARGEST_FILE + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > LARGEST_FILE {
+    file.take(largest + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > largest {
         return too_large();
     }
-    String::from_utf8(bytes).map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8 text; accepted: TOML"))
+    Ok(bytes)
 }

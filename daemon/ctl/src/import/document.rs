@@ -1,0 +1,62 @@
+//! A URDF's text, checked, and then read by urdf-rs.
+
+use roxmltree::Node;
+
+use super::checked::{SaidOf, elements, links_and_joints};
+use super::xml::{self, Refused};
+
+/// What of a URDF describes an arm, by the elements that each one may have.
+const KEPT: [(&str, &[&str]); 4] = [
+    ("robot", &["link", "joint"]),
+    ("link", &["inertial"]),
+    ("inertial", &["origin", "mass", "inertia"]),
+    ("joint", &["origin", "parent", "child", "axis", "limit", "mimic", "dynamics"]),
+];
+
+/// The robot, with what only its text shows.
+#[derive(Debug)]
+pub(super) struct Described {
+    pub(super) robot: urdf_rs::Robot,
+    pub(super) links: SaidOf,
+    pub(super) joints: SaidOf,
+}
+
+impl Described {
+    /// From a text of [`xml::LARGEST_URDF`] at most.
+    pub(super) fn parse(text: &str) -> Result<Self, Refused> {
+        let document = xml::parsed(text)?;
+        let (links, joints) = links_and_joints(&document)?;
+        let mut plain = String::with_capacity(text.len());
+        write(document.root_element(), &mut plain);
+        // What is checked by now it reads; should it not, its own message is better than none.
+        let robot = urdf_rs::read_from_string(&plain)
+            .map_err(|error| Refused::new(None, format!("urdf-rs does not read it: {error}; accepted: a URDF")))?;
+        Ok(Self { robot, links, joints })
+    }
+}
+
+/// Only what describes an arm: meshes, sensors and extensions, which may hold anything, are nothing
+/// that an import could fail on.
+fn write(node: Node<'_, '_>, plain: &mut String) {
+    let name = node.tag_name().name();
+    plain.extend(["<", name]);
+    for attribute in node.attributes().filter(|attribute| attribute.namespace().is_none()) {
+        plain.extend([" ", attribute.name(), "=\""]);
+        attribute.value().chars().for_each(|character| escape(character, plain));
+        plain.push('"');
+    }
+    plain.push('>');
+    let kept = KEPT.iter().find(|(element, _)| *element == name).map_or(&[][..], |(_, kept)| kept);
+    elements(node).filter(|child| kept.contains(&child.tag_name().name())).for_each(|child| write(child, plain));
+    plain.extend(["</", name, ">"]);
+}
+
+fn escape(character: char, plain: &mut String) {
+    match character {
+        '&' => plain.push_str("&amp;"),
+        '<' => plain.push_str("&lt;"),
+        '>' => plain.push_str("&gt;"),
+        '"' => plain.push_str("&quot;"),
+        other => plain.push(other),
+    }
+}

@@ -1,0 +1,51 @@
+//! The `[robot]` section, which a configuration and a scenario have in common.
+
+use admittance_host::config::Value;
+
+use super::Origin;
+use super::arm::{Arm, ArmJoint};
+use super::marked::{list, to_fill_in};
+use super::xml::Shown;
+
+/// Longest name of a robot, in characters.
+const LONGEST_NAME: usize = 64;
+
+/// The lines of the section.
+pub(super) fn lines(arm: &Arm, origin: &Origin) -> Vec<String> {
+    let name: String = arm.name.chars().filter(|character| !character.is_control()).take(LONGEST_NAME).collect();
+    let name = if name.is_empty() { "arm".to_owned() } else { name };
+    let constants = list(&vec![0.01; arm.joints.len()]);
+    let mut lines = vec![
+        "[robot]".to_owned(),
+        format!("name = {}", name.to_toml()),
+        format!("task_axes = {}", arm.task_axes),
+        to_fill_in("velocity_time_constant_s", "[]", "s, of each joint's speed loop: from a step response", &constants),
+        String::new(),
+        "[robot.source]   # `admittancectl validate` says when this file has changed".to_owned(),
+        format!("urdf = {}", origin.urdf.to_toml()),
+        format!("sha256 = {}", origin.sha256.to_toml()),
+        format!("base = {}", origin.base.to_toml()),
+        format!("tip = {}", origin.tip.to_toml()),
+    ];
+    for (index, joint) in arm.joints.iter().enumerate() {
+        lines.extend([String::new(), format!("# joint {index}: {}", described(joint)), "[[robot.joint]]".to_owned()]);
+        lines.push(format!("origin_m = {}", list(joint.frame.pose.position.as_slice())));
+        lines.push(format!("origin_rpy_rad = {}", list(&joint.frame.rpy)));
+        lines.push(format!("axis = {}", list(&joint.axis)));
+    }
+    lines.extend([String::new(), format!("[robot.tool]   # {} in the last joint's frame", Shown(&origin.tip))]);
+    lines.push(format!("origin_m = {}", list(arm.tool.pose.position.as_slice())));
+    lines.push(format!("origin_rpy_rad = {}", list(&arm.tool.rpy)));
+    lines
+}
+
+fn described(joint: &ArmJoint) -> String {
+    let kind = if joint.position.is_some() { "revolute" } else { "continuous" };
+    let said = |value: Option<f64>, unit: &str| value.map_or("not said".to_owned(), |value| format!("{value} {unit}"));
+    format!(
+        "{}, {kind}, speed {}, effort {}",
+        Shown(&joint.name),
+        said(joint.speed, "rad/s"),
+        said(joint.effort, "N m")
+    )
+}

@@ -1,0 +1,121 @@
+//! What a URDF becomes, and what is refused of it.
+
+mod any_bytes;
+mod refusals;
+
+use std::path::PathBuf;
+
+use admittance_host::config::parse;
+use admittance_runner::config::Config;
+use plant_sim::scenario::Scenario;
+
+use super::{Origin, marked, printed};
+
+const ARM: &str = include_str!("arm.urdf");
+
+fn origin(base: &str, tip: &str) -> Origin {
+    let [base, tip] = [base, tip].map(str::to_owned);
+    Origin { urdf: PathBuf::from("/arms/arm.urdf"), sha256: "0".repeat(64), base, tip }
+}
+
+/// What import prints of the arm, or says.
+fn import(text: &str, scenario: bool) -> Result<String, String> {
+    printed(text.as_bytes(), &origin("world", "tcp"), scenario).map_err(|refused| refused.of("arm.urdf"))
+}
+
+fn one_of(text: &str, start: &str) -> Vec<f64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(start)).unwrap_or_else(|| panic!("{start}: {text}"));
+    let list = line.split(" = ").nth(1).and_then(|list| list.split("   #").next()).expect("a value");
+    list.trim_matches(['[', ']']).split(", ").map(|value| value.parse().expect("a number")).collect()
+}
+
+#[test]
+fn fixed_joints_and_what_hangs_on_a_link_are_folded_in() {
+    let config: Config = parse(&marked::with_examples(&import(ARM, false).expect("an arm")), "arm").expect("valid");
+    let robot = config.robot;
+    assert_eq!((robot.name.as_str(), robot.task_axes, robot.joint.len()), ("made-up \"six\"", 6, 6));
+    // The stand's turn and height come before the first joint's.
+    assert_eq!((robot.joint[0].origin_m, robot.joint[0].origin_rpy_rad), ([0.0, 0.0, 0.7], [0.0, 0.0, 1.5]));
+    assert_eq!(robot.joint[0].axis, [0.0, 0.0, 1.0]);
+    // An axis that is not said is x.
+    assert_eq!(robot.joint[3].axis, [1.0, 0.0, 0.0]);
+    // 9 rad is more than the robot file takes: the same turn is written with less.
+    assert!((robot.joint[2].origin_rpy_rad[1].sin() - 9.0_f64.sin()).abs() < 1e-12);
+    let tool = robot.tool;
+    assert!((tool.origin_m[0] - 0.3).abs() < 1e-15 && tool.origin_m[2].abs() < 1e-15, "{tool:?}");
+    assert!((tool.origin_rpy_rad[1] - std::f64::consts::FRAC_PI_2).abs() < 1e-12, "{tool:?}");
+    let source = robot.source.expect("it is from a URDF");
+    assert_eq!((source.urdf, source.tip.as_str()), (PathBuf::from("/arms/arm.urdf"), "tcp"));
+    let limits = config.limits;
+    let lower = limits.joint_position_min_rad.expect("said");
+    assert_eq!(lower, [-100.0, -2.0, -2.6, -100.0, -2.0, -3.0]);
+
+    let scenario: Scenario = parse(&marked::with_examples(&import(ARM, true).expect("an arm")), "arm").expect("valid");
+    let bodies = scenario.rigid_body.expect("masses").joint;
+    // Flange, gripper and finger: 1 kg at 0 m, 1 kg at 0.2 m, 2 kg at 0.2 m.
+    let last = &bodies[5];
+    assert!((last.mass_kg - 4.0).abs() < 1e-12 && (last.center_of_gravity_m[0] - 0.15).abs() < 1e-12, "{last:?}");
+    let across = 0.001 + 1.0 * 0.15 * 0.15 + 3.0 * 0.05 * 0.05;
+    assert!(
+        (last.inertia_kg_m2[0] - 0.001).abs() < 1e-12 && (last.inertia_kg_m2[2] - across).abs() < 1e-12,
+        "{last:?}"
+    );
+    // The inertia is along the axes of its own frame, which is turned against the link's.
+    let (sine, cosine) = 0.3_f64.sin_cos();
+    assert!((bodies[1].inertia_kg_m2[3] - (0.01 - 0.1) * sine * cosine).abs() < 1e-12, "{:?}", bodies[1]);
+    assert_eq!((bodies[1].viscous_friction_n_m_s_rad, bodies[1].coulomb_friction_n_m), (3.0, 1.5));
+    let torques: Vec<_> = bodies.iter().map(|body| body.torque_limit_n_m).collect();
+    assert_eq!(torques, [None, Some(150.0), None, Some(30.0), Some(30.0), Some(20.0)]);
+}
+
+/// Nothing is refused but what is marked, and everything that is marked is.
+#[test]
+fn only_what_is_marked_is_left_to_fill_in() {
+    let marks = |text: &str| -> Vec<usize> {
+        let is_marked = |(_, line): &(usize, &str)| !line.starts_with('#') && line.contains("# FILL IN: ");
+        (1..).zip(text.lines()).filter(is_marked).map(|(number, _)| number).collect()
+    };
+    let lines = |errors: admittance_host::config::ConfigErrors| {
+        let mut lines: Vec<usize> = errors.errors.iter().filter_map(|error| error.line).collect();
+        lines.dedup();
+        lines
+    };
+    let robot = import(ARM, false).expect("an arm");
+    assert_eq!(lines(parse::<Config>(&robot, "arm").expect_err("to be filled in")), marks(&robot), "{robot}");
+    let scenario = import(ARM, true).expect("an arm");
+    assert_eq!(
+        lines(parse::<Scenario>(&scenario, "arm").expect_err("to be filled in")),
+        marks(&scenario),
+        "{scenario}"
+    );
+    for said in ["nan where the URDF says no speed", "effort not said"] {
+        assert!(robot.contains(said), "{robot}");
+    }
+    for said in
+        ["the URDF gives this link no mass", "as if at zero: \"finger\"", "kg m^2: no body has what the URDF gives"]
+    {
+        assert!(scenario.contains(said), "{said}: {scenario}");
+    }
+    let speeds = robot.lines().find(|line| line.starts_with("joint_speed")).expect("a line");
+    assert!(speeds.starts_with("joint_speed_rad_s = [nan, 2.0, nan, 3.0, 3.0, 4.0]"), "{speeds}");
+}
+
+/// The masses of the configuration's comment are those of the scenario.
+#[test]
+fn masses_are_in_the_comment_too() {
+    let robot = import(ARM, false).expect("an arm");
+    let commented = one_of(&robot, "# mass_kg");
+    assert_eq!(commented, one_of(&import(ARM, true).expect("an arm"), "mass_kg"));
+}
+
+/// What urdf-rs knows of later versions: a quaternion in place of angles.
+#[test]
+fn a_quaternion_of_version_1_1_is_a_turn() {
+    let text = ARM.replace("<robot ", "<robot version=\"1.1\" ").replace(
+        "<origin xyz=\"0 0.1 0.1\"/>",
+        "<origin xyz=\"0 0.1 0.1\" quat_xyzw=\"0 0 0.7071067811865476 0.7071067811865476\"/>",
+    );
+    let config: Config = parse(&marked::with_examples(&import(&text, false).expect("an arm")), "arm").expect("valid");
+    let yaw = config.robot.joint[1].origin_rpy_rad[2];
+    assert!((yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-12, "{yaw}");
+}

@@ -1,0 +1,84 @@
+//! `admittancectl import` as a person uses it, and what `validate` later says of the URDF.
+
+use std::path::Path;
+use std::process::Command;
+
+fn ctl(arguments: &[&str]) -> (Option<i32>, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_admittancectl")).args(arguments).output().expect("it starts");
+    let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+/// Each marked line with the example that it ends with.
+fn filled_in(printed: &str) -> String {
+    let filled = |line: &str| match (line.starts_with('#'), line.rsplit_once("; such as ")) {
+        (false, Some((_, example))) => format!("{} = {example}\n", line.split(' ').next().unwrap_or_default()),
+        _ => format!("{line}\n"),
+    };
+    printed.lines().map(filled).collect()
+}
+
+#[test]
+fn validate_says_when_the_urdf_has_changed_or_is_gone() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = |name: &str| directory.path().join(name).to_str().expect("text").to_owned();
+    let [urdf, config, scenario] = ["arm.urdf", "cell.toml", "cell.scenario.toml"].map(path);
+    let text = include_str!("../src/import/tests/arm.urdf");
+    let write = |path: &str, text: &str| std::fs::write(path, text).expect("written");
+    write(&urdf, text);
+    let import = ["import", &urdf, "--base", "world", "--tip", "tcp"];
+    let (code, printed, said) = ctl(&import);
+    assert_eq!((code, said.as_str()), (Some(0), ""), "{said}");
+    write(&config, &printed);
+    let (code, _, said) = ctl(&["validate", &config]);
+    assert!(code == Some(78) && said.contains("control.sampling_time_s = nan"), "{said}");
+    write(&config, &filled_in(&printed));
+    let (code, printed, said) = ctl(&[&import[..], &["--scenario"]].concat());
+    assert_eq!(code, Some(0), "{said}");
+    write(&scenario, &filled_in(&printed));
+
+    let validate = || ctl(&["validate", directory.path().to_str().expect("text")]);
+    let (code, valid, said) = validate();
+    assert!(
+        code == Some(0) && valid.matches(": valid").count() == 2 && !said.contains("robot.source"),
+        "{valid}{said}"
+    );
+    write(&urdf, &text.replacen("upper=\"2.5\"", "upper=\"2.4\"", 1));
+    let (code, valid, said) = validate();
+    assert!(code == Some(0) && valid.matches(": valid").count() == 2, "{valid}{said}");
+    assert_eq!(said.matches("arm.urdf has changed since it was imported (SHA-256 ").count(), 2, "{said}");
+    std::fs::remove_file(&urdf).expect("it is there");
+    let (code, _, said) = validate();
+    assert_eq!((code, said.matches("arm.urdf cannot be read: ").count()), (Some(0), 2), "{said}");
+
+    // A path that is not absolute begins where the configuration is.
+    write(&urdf, text);
+    let told = std::fs::read_to_string(&config).expect("written above");
+    write(&config, &told.replacen(&format!("urdf = \"{urdf}\""), "urdf = \"arm.urdf\"", 1));
+    let (code, _, said) = ctl(&["validate", &config]);
+    assert!(code == Some(0) && !said.contains("robot.source"), "{said}");
+    write(&config, &told.replacen("sha256 = \"", "sha256 = \"g", 1));
+    let (code, _, said) = ctl(&["validate", &config]);
+    assert!(code == Some(78) && said.contains("robot.source.sha256"), "{said}");
+}
+
+#[test]
+fn files_that_cannot_be_read_and_no_urdfs_have_their_exit_codes() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let import = |file: &Path| ctl(&["import", file.to_str().expect("text"), "--base", "a", "--tip", "b"]);
+    let (code, _, said) = import(&directory.path().join("none.urdf"));
+    assert!(code == Some(66) && said.contains("none.urdf: cannot be read: "), "{said}");
+    let large = directory.path().join("large.urdf");
+    std::fs::File::create(&large).and_then(|file| file.set_len(50 << 20)).expect("written");
+    let (code, _, said) = import(&large);
+    assert!(code == Some(66) && said.contains("accepted: a regular file of up to 4 MiB"), "{said}");
+    let (code, _, said) = import(directory.path());
+    assert!(code == Some(66) && said.contains("it is a directory"), "{said}");
+    let other = directory.path().join("\u{1b}.urdf");
+    std::fs::write(&other, "<sdf/>").expect("written");
+    let (code, printed, said) = import(&other);
+    assert!(code == Some(65) && said.contains("\\u{1b}.urdf:1: it begins with <sdf>"), "{said}");
+    assert!(printed.is_empty() && !said.contains('\u{1b}'), "{printed}{said:?}");
+    let (code, ..) = ctl(&["import", "arm.urdf", "--base", "a"]);
+    assert_eq!(code, Some(64));
+}

@@ -1,0 +1,104 @@
+//! Arms that `admittancectl import` has made of real descriptions move and weigh as Pinocchio says.
+
+use std::path::Path;
+use std::process::Command;
+
+use admittance_core::robot::{ArmDynamics, LinkInertia, Pose};
+use admittance_core::with_arm;
+use admittance_host::config::parse;
+use admittance_runner::config::Config;
+use end_to_end::{Need, binaries, needs, python};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use plant_sim::scenario::Scenario;
+use serde_json::Value;
+
+/// Random poses of each arm.
+const POSES: usize = 1000;
+/// m, rad, m/rad, N m.
+const AGREEMENT: f64 = 1e-9;
+
+/// What import prints, with its examples in place of what is to be filled in.
+fn imported(arm: &Value, more: &[&str]) -> String {
+    let text = |key: &str| arm[key].as_str().expect("a text").to_owned();
+    let mut command = Command::new(&binaries().admittancectl);
+    command.args(["import", &text("urdf"), "--base", &text("base"), "--tip", &text("tip")]).args(more);
+    let output = command.output().expect("it starts");
+    assert!(output.status.success(), "{arm:.80}: {}", String::from_utf8_lossy(&output.stderr));
+    let printed = String::from_utf8(output.stdout).expect("text");
+    let filled = printed.lines().map(|line| match (line.starts_with('#'), line.rsplit_once("; such as ")) {
+        (false, Some((_, example))) => format!("{} = {example}", line.split(' ').next().unwrap_or_default()),
+        _ => line.to_owned(),
+    });
+    filled.collect::<Vec<_>>().join("\n")
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(values) => values.iter().flat_map(numbers).collect(),
+        other => vec![other.as_f64().expect("a number")],
+    }
+}
+
+fn vector(value: &Value) -> Vector3<f64> {
+    Vector3::from_column_slice(&numbers(value))
+}
+
+/// The largest differences of an arm from what Pinocchio computes: of the pose, the Jacobian and
+/// the torques.
+fn differences<const N: usize>(scenario: &Scenario, arm: &Value) -> [f64; 3] {
+    let chain = scenario.robot.chain::<N>().expect("so many joints");
+    let bodies = &scenario.rigid_body.as_ref().expect("import gives masses").joint;
+    let links: [LinkInertia; N] = std::array::from_fn(|joint| {
+        let [xx, yy, zz, xy, xz, yz] = bodies[joint].inertia_kg_m2;
+        LinkInertia {
+            mass: bodies[joint].mass_kg,
+            center_of_gravity: bodies[joint].center_of_gravity_m.into(),
+            inertia: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+        }
+    });
+    let dynamics = ArmDynamics::new(chain, links, SVector::zeros(), vector(&arm["gravity"])).expect("bodies");
+    let poses = arm["poses"].as_array().expect("a list");
+    assert_eq!(poses.len(), POSES);
+    poses.iter().fold([0.0_f64; 3], |[pose, jacobian, torque], expected| {
+        let q = SVector::<f64, N>::from_column_slice(&numbers(&expected["q"]));
+        let here = chain.kinematics(&q);
+        let there = Pose {
+            position: vector(&expected["position"]),
+            rotation: Matrix3::from_row_slice(&numbers(&expected["rotation"])),
+        };
+        let of_jacobian = here.jacobian - SMatrix::<f64, 6, N>::from_row_slice(&numbers(&expected["jacobian"]));
+        let weight = SVector::<f64, N>::from_column_slice(&numbers(&expected["gravity_torque"]));
+        [
+            pose.max((here.pose.position - there.position).amax()).max((here.pose.rotation - there.rotation).amax()),
+            jacobian.max(of_jacobian.amax()),
+            torque.max((dynamics.at(&q).gravity_torque() - weight).amax()),
+        ]
+    })
+}
+
+#[test]
+fn imported_arms_are_those_of_pinocchio() {
+    if !needs(Need::RobotDescriptions) {
+        return;
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/imported_arms.py");
+    let mut reference = Command::new(python().expect("it is needed"));
+    let output = reference.arg(script).arg(POSES.to_string()).output().expect("it starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let arms: Vec<Value> = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(arms.len() >= 8, "{} arms", arms.len());
+    for arm in &arms {
+        let name = arm["urdf"].as_str().expect("a path");
+        let config: Config = parse(&imported(arm, &[]), name).unwrap_or_else(|errors| panic!("{errors}"));
+        let scenario: Scenario =
+            parse(&imported(arm, &["--scenario"]), name).unwrap_or_else(|errors| panic!("{errors}"));
+        assert_eq!((&config.robot.joint, &config.robot.tool), (&scenario.robot.joint, &scenario.robot.tool), "{name}");
+        let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
+        let found = with_arm!((joints, axes), <N, _D> => differences::<N>(&scenario, arm), else [f64::NAN; 3]);
+        println!(
+            "{name}: {joints} joints, pose {:.1e}, Jacobian {:.1e}, torque {:.1e} N m",
+            found[0], found[1], found[2]
+        );
+        assert!(found.iter().all(|difference| *difference <= AGREEMENT), "{name}: {found:?}");
+    }
+}
