@@ -19,6 +19,7 @@ pub mod session;
 mod stepped_clock;
 mod systemd;
 mod terminal;
+pub mod virtual_recording;
 
 pub use binaries::{Binaries, binaries};
 pub use child::{Child, PATIENCE, wait_until};

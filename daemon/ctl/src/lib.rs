@@ -14,6 +14,7 @@ pub mod consequences;
 pub mod demo;
 mod diagnostics;
 mod doctor;
+mod identify;
 mod import;
 mod installed_files;
 mod limits;
@@ -77,6 +78,8 @@ enum Command {
     Replay(replay::Args),
     /// Draw force, velocity offset and path of a recording.
     Report(report::Args),
+    /// Find what arm, sensor and surface are from recordings, as keys of the configuration.
+    Identify(identify::Args),
     /// Release a stopped daemon, once nothing pushes into the surface any more.
     Reset(request::ResetArgs),
     /// Let control begin, once no axis is in contact.
@@ -148,6 +151,7 @@ fn run(command: Command) -> Outcome<Exit> {
         Command::Record(args) => record::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Identify(args) => identify::run(&args),
         Command::Reset(args) => request::reset(&args),
         Command::Enable(args) => request::enable(&args),
         Command::Disable(args) => request::disable(&args),

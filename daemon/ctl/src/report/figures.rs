@@ -13,7 +13,7 @@ use crate::demo::{LIMIT_N, Run};
 
 /// One look per curve, distinguishable without colour: the paper's dashed, dash-dotted and solid, and
 /// the default profile as a broad line, on which the one that finds the contact point lies as dots.
-const STYLES: [LineStyle; 5] = [
+pub(crate) const STYLES: [LineStyle; 5] = [
     LineStyle { color: RGBColor(0xC4, 0x4E, 0x12), width: 1.4, dash: &[7.0, 4.0] },
     LineStyle { color: RGBColor(0x5B, 0x3F, 0xA0), width: 1.4, dash: &[9.0, 3.0, 2.0, 3.0] },
     LineStyle { color: RGBColor(0x0B, 0x5C, 0xAD), width: 2.2, dash: &[] },
@@ -132,7 +132,7 @@ pub(super) fn of_demo(runs: &[Run], scenario: &Scenario) -> [(u32, String, Chart
 const ROOM: f64 = 0.08;
 
 /// From the least to the largest finite value.
-pub(super) fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
+pub(crate) fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
     let finite = values.filter(|value| value.is_finite());
     let (low, high) =
         finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
@@ -140,7 +140,7 @@ pub(super) fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
 }
 
 /// The range with room around, and never without width.
-pub(super) fn roomy(range: &Range<f64>) -> Range<f64> {
+pub(crate) fn roomy(range: &Range<f64>) -> Range<f64> {
     let width = range.end - range.start;
     let room = if width > 0.0 { ROOM * width } else { 0.1 };
     range.start - room..range.end + room

@@ -22,8 +22,10 @@ use plant_sim::scenario::Scenario;
 use crate::demo::{HEADER, LIMIT_N, Run, cells};
 pub(crate) use changes::Changes;
 use chart::escape;
+pub(crate) use figures::{STYLES, range, roomy};
 pub(crate) use of_recording::{Args, run};
-use page::{TAIL, figure, figure_of, head};
+use page::figure_of;
+pub(crate) use page::{TAIL, figure, head, table};
 
 /// Writes index.html, timeline.svg, figure-3.svg, figure-4.svg, figure-5.svg and series.csv into
 /// `directory`.

@@ -14,7 +14,7 @@ use super::figures::{COLORS, MATERIAL, MATERIAL_INK};
 const WIDE_PX: u32 = 860;
 const NARROW_PX: u32 = 360;
 
-pub(super) const TAIL: &str = "</body>\n</html>\n";
+pub(crate) const TAIL: &str = "</body>\n</html>\n";
 
 /// A figure for screens is not drawn smaller than its letters bear: narrower pages have their own.
 const STYLE: &str = "\
@@ -49,7 +49,7 @@ const DARK: [(RGBColor, &str); 4] =
     [(INK, "#E4E4E4"), (GRID, "#33393F"), (MATERIAL, "#2B2A26"), (MATERIAL_INK, "#A9A192")];
 
 /// The beginning of a page up to its first element.
-pub(super) fn head(title: &str) -> String {
+pub(crate) fn head(title: &str) -> String {
     let title = escape(title);
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -78,7 +78,7 @@ fn dark() -> String {
 }
 
 /// Writes a figure of its own, and returns it for the page.
-pub(super) fn figure(directory: &Path, name: &str, caption: &str, chart: &Chart) -> io::Result<String> {
+pub(crate) fn figure(directory: &Path, name: &str, caption: &str, chart: &Chart) -> io::Result<String> {
     let draw = |width_px| chart.of_width(width_px).svg().map_err(io::Error::other);
     figure_of(directory, name, caption, draw)
 }
@@ -106,7 +106,7 @@ pub(super) fn table_row(cells: &[String], tag: &str) -> String {
 }
 
 /// A table that a phone shows as a list for each of its rows.
-pub(super) fn table(names: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
+pub(crate) fn table(names: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let head = table_row(&names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>(), "th");
     let row = |cells: Vec<String>| {
         let cell = |(name, cell): (&&str, &String)| format!("<td data-name=\"{}\">{}</td>", escape(name), escape(cell));

@@ -1,0 +1,65 @@
+//! How well loops predict the joint velocities of a motion that they were not fitted to.
+
+use std::fmt::{Display, Formatter};
+
+use serde::Serialize;
+
+use super::found::{Case, Found};
+use super::joint_loop::Loop;
+use super::least_squares::mean_square;
+
+/// Of a joint, as parts of the range of its velocity (RMS).
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Predicted {
+    joint: usize,
+    range_rad_s: f64,
+    found_error: f64,
+    configured_error: f64,
+}
+
+/// Of all joints; commands are taken to act as was found.
+pub(super) fn predicted(mut case: Case<'_>, found: &Found) -> Vec<Predicted> {
+    let robot = &case.config.robot;
+    let told = robot.velocity_loop.as_ref();
+    let configured = |joint: usize| Loop {
+        time_constant_s: robot.velocity_time_constant_s[joint],
+        damping: told.and_then(|told| told.damping.as_ref()).map_or(0.0, |damping| damping[joint]),
+        dead_time_s: told.and_then(|told| told.dead_time_s.as_ref()).map_or(0.0, |dead| dead[joint]),
+        report_lag_s: told.map_or(0.0, |told| told.report_lag_s),
+    };
+    let configured: Vec<Loop> = (0..robot.joint.len()).map(configured).collect();
+    if let Some(delay) = &found.command_delay_s {
+        case.refer(delay.value);
+    }
+    let evidence = case.evidence();
+    let error = |model: &Loop, joint: usize| {
+        let all = case.tracks.iter().zip(evidence.follow(model, joint));
+        let all: Vec<f64> = all
+            .flat_map(|(track, moved)| {
+                let of = |(shown, velocity): (super::joint_loop::Moving, &[f64; 8])| shown.shown - velocity[joint];
+                moved.into_iter().zip(&track.velocity).map(of).collect::<Vec<_>>()
+            })
+            .collect();
+        mean_square(&all).sqrt()
+    };
+    let of = |(joint, of): (usize, &super::loops::FoundLoop)| {
+        let shown = || case.tracks.iter().flat_map(|track| track.velocity.iter().map(|velocity| velocity[joint]));
+        let range_rad_s = shown().fold(f64::NEG_INFINITY, f64::max) - shown().fold(f64::INFINITY, f64::min);
+        let [found_error, configured_error] =
+            [&of.model, &configured[joint]].map(|model| error(model, joint) / range_rad_s);
+        Predicted { joint, range_rad_s, found_error, configured_error }
+    };
+    found.loops.joints.iter().enumerate().map(of).collect()
+}
+
+impl Display for Predicted {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let Self { joint, range_rad_s, found_error, configured_error } = self;
+        write!(
+            f,
+            "joint {joint}: predicted within {:.2} % of its range of {range_rad_s:.3} rad/s (RMS); as configured {:.2} %",
+            100.0 * found_error,
+            100.0 * configured_error
+        )
+    }
+}

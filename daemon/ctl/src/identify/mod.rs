@@ -1,0 +1,146 @@
+//! `admittancectl identify`: what recordings of ordinary motion tell of the arm, its sensor and what
+//! it touched, as keys of the configuration.
+//!
+//! [`track`] is the motion of a recording, [`reference`](mod@reference) what the joints were given,
+//! [`joint_loop`] how one follows; [`loops`], [`delay`], [`tool`] and [`touch`] fit that by
+//! [`least_squares`], [`found`] in their order. [`fragment`], [`text`] and [`page`] say what came of it.
+
+mod arm;
+mod check;
+mod delay;
+mod estimate;
+mod found;
+mod fragment;
+mod joint_loop;
+mod lag;
+mod least_squares;
+mod loops;
+mod page;
+mod reference;
+mod text;
+mod toml_text;
+mod tool;
+mod touch;
+mod track;
+mod unknown;
+mod way;
+
+use std::path::{Path, PathBuf};
+
+use admittance_host::config;
+use admittance_runner::config::Config;
+use arm::{Arm, arm};
+use found::{Case, Found};
+use serde::Serialize;
+use track::{Track, tracks};
+
+use crate::recording::Recording;
+use crate::{Exit, Outcome};
+
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Wanted is free motion in which every joint changes its speed a dozen times, rests with the tool turned \
+    about two axes, and a touch under control: plant-sim/scenarios/identify.toml shows one. All recordings are of one arm with \
+    one tool; old values are those of the first one's configuration.\n\nExit codes: 0 done, 64 usage, 65 no recording, a \
+    damaged one, or one without motion, 66 no such file, 73 a file cannot be created, 78 configuration.\n\nExamples:\n  \
+    admittancectl identify free.mcap touch.mcap\n  admittancectl identify cell.mcap --directory identified --write cell-new.toml\n  \
+    admittancectl identify cell.mcap --check fresh.mcap"
+)]
+pub(crate) struct Args {
+    /// What admittancectl record wrote.
+    #[arg(required = true, value_name = "RECORDING")]
+    recordings: Vec<PathBuf>,
+    /// Also a page with measured and fitted curves, in this directory.
+    #[arg(long, value_name = "DIRECTORY")]
+    directory: Option<PathBuf>,
+    /// Also the recorded configuration with what was found, into this file.
+    #[arg(long, value_name = "FILE")]
+    write: Option<PathBuf>,
+    /// A recording that the fit does not see: how well what was found, and what was configured,
+    /// predict its joint velocities.
+    #[arg(long, value_name = "RECORDING")]
+    check: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is printed as JSON.
+#[derive(Serialize)]
+struct Printed<'a> {
+    #[serde(flatten)]
+    found: &'a Found,
+    fragment: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    check: Option<&'a [check::Predicted]>,
+}
+
+pub(crate) fn run(args: &Args) -> Outcome<Exit> {
+    let (first, config, configured) = opened(&args.recordings[0])?;
+    let arm =
+        arm(&config.robot).ok_or_else(|| (Exit::Config, "robot: an arm that no program here knows".to_owned()))?;
+    let mut all = tracks(&first, &config, arm.as_ref())?;
+    for path in &args.recordings[1..] {
+        all.extend(more(path, &config, arm.as_ref())?);
+    }
+    if all.is_empty() {
+        let why = "no motion in it: accepted is 0.2 s in a row or more with drives enabled";
+        return Err((Exit::DataError, format!("{}: {why}", args.recordings[0].display())));
+    }
+    let mut case = Case::new(&config, arm.as_ref(), all);
+    let found = case.found();
+    let (entries, changed) = fragment::entries(&found, &config, &configured);
+    let fragment = fragment::text(&entries);
+    let predicted = match &args.check {
+        Some(path) => {
+            let fresh = Case::new(&config, arm.as_ref(), more(path, &config, arm.as_ref())?);
+            Some(check::predicted(fresh, &found))
+        }
+        None => None,
+    };
+    if args.json {
+        let printed = Printed { found: &found, fragment: &fragment, check: predicted.as_deref() };
+        let json = serde_json::to_string_pretty(&printed).map_err(|error| (Exit::Internal, error.to_string()))?;
+        println!("{json}");
+    } else {
+        println!("{}", text::text(&found, &fragment).trim_end());
+        predicted.iter().flatten().for_each(|joint| println!("{joint}"));
+    }
+    let failed = |path: &Path, error: std::io::Error| (Exit::CantCreate, format!("{}: {error}", path.display()));
+    if let Some(path) = &args.write {
+        std::fs::write(path, changed).map_err(|error| failed(path, error))?;
+    }
+    if let Some(directory) = &args.directory {
+        let files: Vec<String> = args.recordings.iter().map(|path| path.display().to_string()).collect();
+        page::write(directory, &files.join(", "), &case, &found, &fragment)
+            .map_err(|error| failed(directory, error))?;
+        eprintln!("page: {}", directory.join("index.html").display());
+    }
+    Ok(Exit::Ok)
+}
+
+/// A recording with its configuration, parsed and as it is.
+fn opened(path: &Path) -> Outcome<(Recording, Config, String)> {
+    let recording = Recording::open(path)?;
+    let text = recording.configurations().get(&0).cloned();
+    let text = text.ok_or_else(|| (Exit::DataError, format!("{}: no configuration in it", path.display())))?;
+    let config =
+        config::parse(&text, "the recorded configuration").map_err(|error| (Exit::Config, error.to_string()))?;
+    Ok((recording, config, text))
+}
+
+/// The motion of another recording of the same arm.
+fn more(path: &Path, config: &Config, arm: &dyn Arm) -> Outcome<Vec<Track>> {
+    let (recording, own, _) = opened(path)?;
+    let (found, accepted) = (own.robot.joint.len(), config.robot.joint.len());
+    if found != accepted || own.control.sampling_time_s != config.control.sampling_time_s {
+        let text = format!(
+            "{}: {found} joints at {} s: accepted with the first recording are {accepted} joints at {} s",
+            path.display(),
+            own.control.sampling_time_s,
+            config.control.sampling_time_s
+        );
+        return Err((Exit::DataError, text));
+    }
+    tracks(&recording, config, arm)
+}

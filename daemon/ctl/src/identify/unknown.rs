@@ -1,0 +1,79 @@
+//! What a recording cannot tell, and what motion would.
+
+use admittance_core::quantities::AXIS_NAMES;
+use admittance_runner::config::{Config, GivenInName};
+use serde::Serialize;
+
+use super::found::Found;
+
+/// A joint has to reach this speed to show its loop, rad/s.
+const LEAST_SPEED_RAD_S: f64 = 0.02;
+/// An axis whose part of the normal is smaller felt too little.
+pub(super) const LEAST_NORMAL: f64 = 0.1;
+
+/// Something that is not known.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Unknown {
+    pub(super) what: String,
+    pub(super) why: String,
+    pub(super) motion: String,
+}
+
+/// Task axes on which a touch shows a force.
+pub(super) fn loaded(config: &Config, axis: usize) -> bool {
+    let normal = super::touch::normal(config);
+    axis < 3 && normal[axis].abs() > LEAST_NORMAL
+}
+
+/// All of it.
+pub(super) fn unknown(config: &Config, found: &Found) -> Vec<Unknown> {
+    let mut all = Vec::new();
+    let mut say = |what: String, why: &str, motion: &str| {
+        all.push(Unknown { what, why: why.to_owned(), motion: motion.to_owned() });
+    };
+    for (number, joint) in found.loops.joints.iter().enumerate().filter(|(_, joint)| !joint.is_told) {
+        let why = if joint.range_rad_s < LEAST_SPEED_RAD_S {
+            "it hardly moves"
+        } else {
+            "its speed changes too little for its noise, or whenever it does the daemon adds an offset"
+        };
+        let motion = "free motion in which this joint changes its speed by 0.1 rad/s or more, a dozen times";
+        say(format!("joint {number}: time constant, dead time and order"), why, motion);
+    }
+    if !found.loops.report_lag_s.half_width.is_finite() {
+        say("the lag of the reported joint velocities".to_owned(), "no joint shows it", "the same");
+    }
+    if found.command_delay_s.is_none() {
+        let why = "in free motion the daemon adds no offset, and only an offset acts late; what delays the twist reference is in \
+                   the joints' dead time";
+        say("the command delay".to_owned(), why, "a touch under control");
+    }
+    if found.tool.as_ref().is_none_or(|tool| !tool.is_told) {
+        let (why, motion) = if config.wrench.given_in == GivenInName::Base {
+            (
+                "the wrench is given in the base frame, where a bias looks like a weight; quick starts and stops tell them apart",
+                "starts and stops of the tool at 1 m/s^2 or more",
+            )
+        } else {
+            (
+                "its weight and a bias look the same in one orientation",
+                "rests of half a second with the tool turned by 30 degrees or more about two axes",
+            )
+        };
+        say("mass and centre of gravity of the tool".to_owned(), why, motion);
+    }
+    if found.stiffness_n_m.is_none() {
+        let why =
+            if found.touches.is_empty() { "nothing was touched" } else { "the touches are too short or too soft" };
+        let motion = "a touch of half a second with 20 N or more, and ten times the noise";
+        say("stiffness, and lag and dead time of the wrench".to_owned(), why, motion);
+    } else {
+        let axes = (0..config.robot.task_axes as usize).filter(|axis| !loaded(config, *axis));
+        let names: Vec<&str> = axes.map(|axis| AXIS_NAMES[axis]).collect();
+        if !names.is_empty() {
+            let motion = "a touch on a surface that is tilted towards them";
+            say(format!("the lag of the wrench on {}", names.join(" ")), "the touch did not load them", motion);
+        }
+    }
+    all
+}
