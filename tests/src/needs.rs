@@ -25,8 +25,7 @@ pub enum Need {
     /// A Python 3 that imports iceoryx2 of [`ICEORYX2_PYTHON_VERSION`], mcap of
     /// [`MCAP_PYTHON_VERSION`] and MuJoCo of [`MUJOCO_PYTHON_VERSION`]: see [`python`].
     Python,
-    /// That Python with pin of [`PINOCCHIO_PYTHON_VERSION`] and example-robot-data of
-    /// [`ROBOT_DATA_PYTHON_VERSION`].
+    /// That Python with Pinocchio and example-robot-data, of the versions that CI installs.
     RobotDescriptions,
     /// Effective user id 0.
     Root,

@@ -107,7 +107,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let felt = belief.felt(&sample.wrench);
         supervisor.admit(sample, &felt);
         if supervisor.is_in_control() {
-            belief.follow(sample, &joints.velocity, way.as_ref(), &felt, supervisor.doubts_model());
+            belief.follow(sample, &joints.velocity, way.as_ref(), &felt, supervisor.doubts_model(sample.stamp));
             let guards = supervisor.guard(sample, belief);
             if let Some(end) = supervisor.follow_contact(sample, belief) {
                 output.settle(end, sample, belief.surface());

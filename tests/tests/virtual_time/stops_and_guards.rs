@@ -1,6 +1,7 @@
 //! Stops of the default profile in virtual time: an infeasible contact, from the verdict to the
 //! next touch; and the guards that do not trust the model.
 
+use admittance_core::supervisor::Ending;
 use admittance_runner::config::OnInfeasibleName;
 use admittancectl::plausible;
 use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
@@ -184,6 +185,34 @@ fn after_a_stop_the_arm_retreats_is_reset_and_touches_again() {
     assert!(run.last().is_in(Mode::Contact) && second <= 200.0, "second peak {second} N");
     assert_eq!(run.last().command.stop_reason, StopReason::NONE);
     assert!((run.settled_normal() - 6.0 / NORMAL[0]).abs() < 0.5, "settled at {} N", run.settled_normal());
+}
+
+/// The tool presses 0.5 mm deeper than is believed, which is 50 N and no disagreement. When a person
+/// then disables control there is nothing to do, by the model: it has the tool off the surface long
+/// before the force is low.
+#[test]
+fn a_stop_whose_model_has_the_tool_off_the_surface_ends_at_a_low_force() {
+    for sampling_time in [0.004, 0.001] {
+        let mut experiment = Experiment::paper(sampling_time, 0.05).with_motion(&[(1.5, &[0.0, -0.05])]);
+        experiment.config.stopping.stop_force_n = Some(20.0);
+        let point = experiment.config.environment.contact_point_m.as_mut().expect("configured");
+        for axis in 0..2 {
+            point[axis] -= 0.0005 * NORMAL[axis];
+        }
+        let mut is_asked = false;
+        let run = experiment.run_with(|cycle, state| {
+            if cycle.mode() == Mode::Contact && state.sequence as f64 * sampling_time > 0.6 && !is_asked {
+                is_asked = true;
+                cycle.end(Ending::Disabled);
+            }
+        });
+        let begun = first_in(&run, Mode::Stopping).expect("it was asked to stop").truth.normal_force_n;
+        let last = run.last();
+        println!("{sampling_time} s: {begun:.1} N, and {:.1} N at rest", last.truth.normal_force_n);
+        assert!(begun > 40.0, "{begun} N: more than the model knows of");
+        assert!(last.is_in(Mode::Stopped) && last.command.stop_reason == StopReason::Disabled.code());
+        assert!(last.truth.normal_force_n <= 20.5, "{sampling_time} s: rests at {} N", last.truth.normal_force_n);
+    }
 }
 
 #[test]

@@ -116,11 +116,15 @@ impl<const D: usize> Supervisor<D> {
         self.exceeded
     }
 
-    /// Whether a stop is under way because the model was wrong.
-    pub(crate) fn doubts_model(&self) -> bool {
-        let Mode::Stopping(Stopping { stop, .. }) = &self.mode else { return false };
+    /// Whether the model of the stop under way must be wrong: it led to the stop, or half the time that
+    /// a stop may take has not brought the arm to rest. (By a model that takes the tool for nearly off
+    /// the surface there is nothing to do, whatever is measured.)
+    pub(crate) fn doubts_model(&self, now: Instant) -> bool {
+        let Mode::Stopping(Stopping { stop, since, .. }) = &self.mode else { return false };
         use StopReason as R;
-        matches!(stop.reason, R::MeasuredForce | R::ForceExceeded | R::ModelDisagrees | R::SurfaceOutsideRange)
+        let is_long = now.since(*since) > self.settings.stop_timeout * 0.5;
+        is_long
+            || matches!(stop.reason, R::MeasuredForce | R::ForceExceeded | R::ModelDisagrees | R::SurfaceOutsideRange)
     }
 
     /// Goes to the mode that a cause leads to at the instant `at`.
