@@ -15,8 +15,8 @@
 //! force limit allows for, f̄ is held against that much more. A dead time of the wrench moves the
 //! window into the past by as much, and changes nothing else.
 //!
-//! The inertia of a tool on the sensor is in f̂ by two ways of seeing its motion, and the smaller f̄ of
-//! both counts: where q̇ is reported late, an arm that brakes hard would feign a force.
+//! The inertia of a tool on the sensor is in f̂ by two ways of seeing its motion. The guard takes the
+//! smaller f̄ of both: where q̇ is reported late, an arm that brakes hard would feign a force.
 
 use nalgebra::SVector;
 
@@ -39,6 +39,8 @@ const KEPT: usize = 32;
 pub struct WithoutLag<const D: usize> {
     /// f̄ in N and N·m. As long as there is no whole window: f̂.
     pub wrench: SVector<f64, D>,
+    /// What of it is force by both ways of seeing the tool's motion; 0 where they have other signs.
+    pub certain: SVector<f64, D>,
     /// Its standard deviation over that of f̂.
     pub noise_gain: SVector<f64, D>,
     /// What noise may feign in N and N·m beyond what the window was to leave of it.
@@ -108,8 +110,14 @@ fn decay_and_gain(window: f64, time_constant: f64) -> (f64, f64) {
 }
 
 /// What both show of a force: a tool whose inertia one of them misses is no force.
-fn smaller([one, other]: [f64; 2]) -> f64 {
-    if other.abs() < one.abs() { other } else { one }
+fn shown_by_both([one, other]: [f64; 2]) -> f64 {
+    if one * other < 0.0 {
+        0.0
+    } else if other.abs() < one.abs() {
+        other
+    } else {
+        one
+    }
 }
 
 impl<const D: usize> LagInverse<D> {
@@ -123,8 +131,12 @@ impl<const D: usize> LagInverse<D> {
     ) -> Self {
         let window =
             core::array::from_fn(|axis| NoiseWindow::of(noise[axis], limit[axis], time_constant[axis], sampling_time));
-        let force =
-            WithoutLag { wrench: SVector::zeros(), noise_gain: SVector::repeat(1.0), noise_excess: SVector::zeros() };
+        let force = WithoutLag {
+            wrench: SVector::zeros(),
+            certain: SVector::zeros(),
+            noise_gain: SVector::repeat(1.0),
+            noise_excess: SVector::zeros(),
+        };
         Self {
             time_constant,
             window,
@@ -157,17 +169,18 @@ impl<const D: usize> LagInverse<D> {
             let before = (0..last).rev().find(|before| now.since(self.stamps[*before]) >= least);
             // An ideal measurement needs no window.
             let before = before.filter(|_| self.time_constant[axis] > 0.0);
-            let (wrench, gain, excess) = match before {
-                None => (smaller(both.map(|wrench| wrench[axis])), 1.0, 0.0),
+            let (means, gain, excess) = match before {
+                None => (both.map(|wrench| wrench[axis]), 1.0, 0.0),
                 Some(before) => {
                     let window = now.since(self.stamps[before]).seconds();
                     let (decay, gain) = decay_and_gain(window, self.time_constant[axis]);
                     let mean =
                         |way: usize| (both[way][axis] - decay * self.wrenches[before][way][axis]) / (1.0 - decay);
-                    (smaller([0, 1].map(mean)), gain, self.window[axis].excess)
+                    ([0, 1].map(mean), gain, self.window[axis].excess)
                 }
             };
-            (self.force.wrench[axis], self.force.noise_gain[axis]) = (wrench, gain);
+            (self.force.wrench[axis], self.force.certain[axis]) = (means[0], shown_by_both(means));
+            self.force.noise_gain[axis] = gain;
             self.force.noise_excess[axis] = excess;
         }
     }

@@ -28,10 +28,11 @@ impl Guards {
         limits.are_passed(wrench, |axis| beyond + noise(axis)).then_some(Cause::MeasuredForce)
     }
 
-    /// The same of the force without the lag of f̂.
+    /// The same of the force without the lag of f̂, as far as it is not what a tool may feign.
     pub(super) fn exceeded<const D: usize>(&self, force: &WithoutLag<D>, limits: &Limits<'_, D>) -> Option<Cause> {
         let beyond = self.force?;
-        limits.are_passed_without_lag(force, |_| beyond).then_some(Cause::ForceExceeded)
+        let certain = WithoutLag { wrench: force.certain, ..*force };
+        limits.are_passed_without_lag(&certain, |_| beyond).then_some(Cause::ForceExceeded)
     }
 
     /// Whether the force is further from the expected one than the guard and noise allow, in this

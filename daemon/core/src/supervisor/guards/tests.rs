@@ -25,13 +25,19 @@ fn a_force_is_beyond_its_limit_by_more_than_guard_and_noise() {
     assert_eq!(measured(0.0, 110.1 + NOISE), Some(Cause::MeasuredForce));
     // The lag taken out makes seven times the noise.
     let (noise_gain, noise_excess) = (Vector2::new(7.0, 1.0), Vector2::zeros());
-    let without_lag = |x: f64| WithoutLag { wrench: Vector2::new(x, 0.0), noise_gain, noise_excess };
+    let without_lag = |x: f64| {
+        let wrench = Vector2::new(x, 0.0);
+        WithoutLag { wrench, certain: wrench, noise_gain, noise_excess }
+    };
     let exceeded = |x: f64| GUARDS.exceeded(&without_lag(x), &limits);
     assert_eq!((exceeded(209.9 + 7.0 * NOISE), exceeded(210.1 + 7.0 * NOISE)), (None, Some(Cause::ForceExceeded)));
     // More than told is what the window could not help.
     let loud = |x: f64| WithoutLag { noise_excess: Vector2::repeat(80.0), ..without_lag(x) };
     assert_eq!(GUARDS.exceeded(&loud(289.9), &limits), None);
     assert_eq!(GUARDS.exceeded(&loud(290.1), &limits), Some(Cause::ForceExceeded));
+    // What a tool's motion leaves open is no force.
+    let feigned = WithoutLag { certain: Vector2::new(190.0, 0.0), ..without_lag(1e3) };
+    assert_eq!(GUARDS.exceeded(&feigned, &limits), None);
     let blind = Guards { force: None, ..GUARDS };
     assert_eq!(blind.measured(&Vector2::repeat(1e4), &limits), None);
     let limits = Limits { admittance: &[false, true], ..limits };
