@@ -10,7 +10,7 @@ const INSTANTS: u32 = 16;
 
 fn experiment(speed: f64, inputs_per_cycle: u32) -> Experiment {
     let mut experiment = Experiment::paper(0.004, speed);
-    experiment.config.mpc.inputs_per_cycle = Some(inputs_per_cycle);
+    experiment.config.mpc.inputs_per_cycle = inputs_per_cycle;
     experiment
 }
 
@@ -78,6 +78,6 @@ fn who_does_not_play_the_plan_gets_one_input_per_cycle() {
     assert_eq!(later.last().map(|command| command.mode), Some(Mode::Contact.code()));
     // With one input the answer is that of a file that asks for one.
     let mut alone = experiment.clone();
-    alone.config.mpc.inputs_per_cycle = Some(1);
+    alone.config.mpc.inputs_per_cycle = 1;
     assert_eq!(never, answered(&run, &alone, |_| false));
 }
