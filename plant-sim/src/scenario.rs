@@ -175,11 +175,12 @@ fn sizes(scenario: &Scenario, _: &str, errors: &mut Vec<ConfigError>) {
         check(format!("motion[{index}].twist"), motion.twist.len(), axes, "task axis");
     }
     let damping = scenario.robot.velocity_loop.as_ref().and_then(|beyond| beyond.damping.as_ref());
-    if scenario.rigid_body.is_some() && damping.is_some_and(|damping| damping.iter().any(|damping| *damping > 0.0)) {
+    let damped = damping.filter(|damping| damping.iter().any(|damping| *damping > 0.0));
+    if let Some(damping) = damped.filter(|_| scenario.rigid_body.is_some()) {
         let key = "robot.velocity_loop.damping";
         errors.push(ConfigError::new(key, format!("{damping:?}"), "none with [rigid_body], whose drives follow (4)"));
     }
-    if scenario.start.contact_time_s.is_some() && scenario.surface.is_none() {
-        errors.push(ConfigError::new("start.contact_time_s", "given", "a [surface] to touch, or no contact_time_s"));
+    if let Some(time_s) = scenario.start.contact_time_s.filter(|_| scenario.surface.is_none()) {
+        errors.push(ConfigError::new("start.contact_time_s", time_s, "a [surface] to touch, or no contact_time_s"));
     }
 }

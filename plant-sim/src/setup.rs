@@ -51,22 +51,40 @@ pub enum SetupError {
     },
     /// No start pose brings the contact at the instant asked for.
     #[error(
-        "start.contact_time_s = {contact_time_s}: no start was found from which the motion touches surface.point_m then; move \
-         the point into reach, or start.joint_position_rad closer to the pose at contact"
+        "start.contact_time_s = {contact_time_s}: no start was found from which the motion touches surface.point_m = {point_m:?} \
+         then{}; move the point into reach, or start.joint_position_rad closer to the pose at contact", by_plate(.carried_m)
     )]
     Unreachable {
         /// The time in s.
         contact_time_s: f64,
+        /// As the scenario has it, in m.
+        point_m: [f64; 3],
+        /// How far [surface.plate] has carried it by then along the normal, in m; `None` at rest.
+        carried_m: Option<f64>,
     },
     /// The start that meets the point at that instant does not come from outside the surface.
     #[error(
-        "start.contact_time_s = {contact_time_s}: the motion does not come from outside the surface to surface.point_m then: \
-         let motion[..].twist lead against surface.normal, or leave contact_time_s out to start in contact"
+        "start.contact_time_s = {contact_time_s}: the motion does not come from outside the surface to surface.point_m = \
+         {point_m:?} then{}: let motion[..].twist lead against surface.normal, faster than a plate that goes away, or leave \
+         contact_time_s out to start in contact", by_plate(.carried_m)
     )]
     NotApproaching {
         /// The time in s.
         contact_time_s: f64,
+        /// As the scenario has it, in m.
+        point_m: [f64; 3],
+        /// How far [surface.plate] has carried it by then along the normal, in m; `None` at rest.
+        carried_m: Option<f64>,
     },
+}
+
+/// What the plate has to do with it.
+fn by_plate(carried_m: &Option<f64>) -> String {
+    carried_m.map_or_else(String::new, |way| {
+        format!(
+            ", which [surface.plate] (velocity_m_s, amplitude_m) has by then carried {way:.4} m along surface.normal"
+        )
+    })
 }
 
 const START_ITERATIONS: usize = 12;
@@ -155,10 +173,12 @@ pub fn plant<const N: usize, const D: usize>(
             let whole = in_samples(time_s) as u64 * parameters.sampling_time_ns;
             let phase = nanoseconds(scenario.start.contact_phase * timing.sampling_time_s);
             let touch_ns = whole + phase;
+            let point_m = surface.point.into();
+            let carried_m = surface.plate.map(|plate| plate.at(seconds(touch_ns)).0);
             let start = solve_start(&parameters, surface.point_at(seconds(touch_ns)), touch_ns)
-                .ok_or_else(|| no_start(&parameters, time_s))?;
+                .ok_or_else(|| no_start(&parameters, time_s, point_m, carried_m))?;
             if surface.penetration(&parameters.chain.kinematics(&start).pose.position, 0.0) >= 0.0 {
-                return Err(SetupError::NotApproaching { contact_time_s: time_s });
+                return Err(SetupError::NotApproaching { contact_time_s: time_s, point_m, carried_m });
             }
             start
         }
@@ -170,9 +190,14 @@ pub fn plant<const N: usize, const D: usize>(
 }
 
 /// Why no start was found: an arm that sinks does not get where it is led.
-fn no_start<const N: usize, const D: usize>(parameters: &PlantParameters<N, D>, contact_time_s: f64) -> SetupError {
+fn no_start<const N: usize, const D: usize>(
+    parameters: &PlantParameters<N, D>,
+    contact_time_s: f64,
+    point_m: [f64; 3],
+    carried_m: Option<f64>,
+) -> SetupError {
     let overload = parameters.joints.overloads().first().copied();
-    overload.map_or(SetupError::Unreachable { contact_time_s }, SetupError::Overloaded)
+    overload.map_or(SetupError::Unreachable { contact_time_s, point_m, carried_m }, SetupError::Overloaded)
 }
 
 /// Whether the steps resolve an arm with masses, in the air and in an impact at the fastest speed of

@@ -93,5 +93,6 @@ fn scenarios_that_cannot_be_set_up_say_why() {
         plant_sim::run::VirtualRun::new(&scenario).expect_err("cannot be set up").to_string()
     };
     assert!(setup(&[("start.joint_position_rad", "[1.0, 0.0]")]).contains("J is not invertible"));
-    assert!(setup(&[("surface.point_m", "[3.0, 0.68, 0.0]")]).contains("start.contact_time_s"));
+    let far = setup(&[("surface.point_m", "[3.0, 0.68, 0.0]")]);
+    assert!(far.contains("start.contact_time_s") && far.contains("surface.point_m = [3.0, 0.68, 0.0]"), "{far}");
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use admittance_host::config::{self, LoadError, Section, keys_markdown};
 use admittance_runner::config::Config;
+use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
 use crate::{Exit, consequences, import};
@@ -80,9 +81,7 @@ fn warn(file: &Path, warnings: impl IntoIterator<Item = String>) {
 /// Checks a file, and says what came of it.
 fn one(file: &Path, is_scenario: bool, verbose: bool) -> Exit {
     let checked = if is_scenario {
-        config::load::<Scenario>(file)
-            .map(|scenario| warn(file, import::warning(&scenario.robot, file)))
-            .map_err(|error| (code(&error), error.to_string()))
+        scenario(file).map(|scenario| warn(file, import::warning(&scenario.robot, file)))
     } else {
         load(file).map(|config| {
             warn(file, config.warnings().into_iter().chain(import::warning(&config.robot, file)));
@@ -111,6 +110,13 @@ pub fn load(file: &Path) -> Result<Config, (Exit, String)> {
     let config: Config = config::load(file).map_err(|error| (code(&error), error.to_string()))?;
     check(&config).map_err(|why| (Exit::Config, format!("{}: {why}", shown(file))))?;
     Ok(config)
+}
+
+/// The scenario of a file, which plant-sim can set up: what it would check beyond the keys when it starts.
+fn scenario(file: &Path) -> Result<Scenario, (Exit, String)> {
+    let scenario: Scenario = config::load(file).map_err(|error| (code(&error), error.to_string()))?;
+    VirtualRun::new(&scenario).map_err(|why| (Exit::Config, format!("{}: {why}", shown(file))))?;
+    Ok(scenario)
 }
 
 fn code(error: &LoadError) -> Exit {

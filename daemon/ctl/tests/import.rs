@@ -36,6 +36,15 @@ fn validate_says_when_the_urdf_has_changed_or_is_gone() {
     let (code, printed, said) = ctl(&[&import[..], &["--scenario"]].concat());
     assert_eq!(code, Some(0), "{said}");
     write(&scenario, &filled_in(&printed));
+    // By the example it starts with every joint in the middle, where this arm is singular: plant-sim refuses it.
+    let (code, _, said) = ctl(&["validate", "--scenario", &scenario]);
+    assert!(code == Some(78) && said.contains("cell.scenario.toml: start.joint_position_rad = ["), "{said}");
+    let set_up = |line: &str| match line.split(" = ").next() {
+        Some("joint_position_rad") => "joint_position_rad = [0.3, 0.5, 1.0, 0.4, 0.8, 0.2]\n".to_owned(),
+        Some("speed_gain_n_m_s_rad") => "speed_gain_n_m_s_rad = 5.0\n".to_owned(),
+        _ => format!("{line}\n"),
+    };
+    write(&scenario, &filled_in(&printed).lines().map(set_up).collect::<String>());
 
     let validate = || ctl(&["validate", directory.path().to_str().expect("text")]);
     let (code, valid, said) = validate();
@@ -81,4 +90,18 @@ fn files_that_cannot_be_read_and_no_urdfs_have_their_exit_codes() {
     assert!(printed.is_empty() && !said.contains('\u{1b}'), "{printed}{said:?}");
     let (code, ..) = ctl(&["import", "arm.urdf", "--base", "a"]);
     assert_eq!(code, Some(64));
+}
+
+/// TOML is UTF-8: another path could not be found again.
+#[test]
+fn a_path_that_is_not_utf_8_is_refused() {
+    use std::os::unix::ffi::OsStrExt as _;
+    let directory = tempfile::tempdir().expect("a directory");
+    let urdf = directory.path().join(std::ffi::OsStr::from_bytes(b"a\xff.urdf"));
+    std::fs::write(&urdf, include_str!("../src/import/tests/arm.urdf")).expect("written");
+    let mut import = Command::new(env!("CARGO_BIN_EXE_admittancectl"));
+    let output = import.arg("import").arg(&urdf).args(["--base", "world", "--tip", "tcp"]).output().expect("it starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(64) && said.contains("accepted: a path in UTF-8"), "{said}");
+    assert!(output.stdout.is_empty());
 }

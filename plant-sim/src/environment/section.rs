@@ -9,6 +9,14 @@ use nalgebra::Vector3;
 use super::{Law, PlateMotion, Shape, StiffnessStep, Surface};
 use crate::maxwell::Maxwell;
 
+/// Defaults of keys that mean nothing without another one.
+const CYLINDER_AXIS: [f64; 3] = [0.0, 0.0, 1.0];
+const RELAXATION_TIME_S: f64 = 0.01;
+const SLIP_VELOCITY_M_S: f64 = 0.001;
+const PLATE_FREQUENCY_HZ: f64 = 1.0;
+/// Largest speed of a plate's sine in m/s, as of its constant velocity.
+const MOST_SINE_SPEED: f64 = 1.0;
+
 config_enum! {
     /// What a surface is.
     pub enum ShapeName {
@@ -64,8 +72,9 @@ config_section! {
         /// Amplitude of a sine beside.
         amplitude_m: f64 = 0.0, unit "m", range 0.0..=0.1;
         /// Its frequency.
-        frequency_hz: f64 = 1.0, unit "Hz", range 0.001..=1000.0;
+        frequency_hz: f64 = PLATE_FREQUENCY_HZ, unit "Hz", range 0.001..=1000.0;
     }
+    cross_check plate_is_no_faster;
 }
 
 config_section! {
@@ -82,7 +91,7 @@ config_section! {
         /// to all sides, below zero it is a hollow. 0 is a plane.
         curvature_1_m: f64 = 0.0, unit "1/m", range -100.0..=100.0;
         /// Direction of the cylinder's axis, base frame; what of it is along the normal is left out.
-        axis: [f64; 3] = [0.0, 0.0, 1.0], unit "1", range -1.0..=1.0;
+        axis: [f64; 3] = CYLINDER_AXIS, unit "1", range -1.0..=1.0;
         /// Stiffness along the normal, k_env of (19).
         stiffness_n_m: f64, unit "N/m", range 100.0..=1e8;
         /// Where another stiffness begins; the same everywhere when absent.
@@ -98,11 +107,11 @@ config_section! {
         maxwell_stiffness_n_m: Option<f64>, unit "N/m", range 100.0..=1e8;
         /// Time in which a force held by the Maxwell element falls to 37 %: its damping over its
         /// stiffness.
-        maxwell_relaxation_time_s: f64 = 0.01, unit "s", range 0.0001..=10.0;
+        maxwell_relaxation_time_s: f64 = RELAXATION_TIME_S, unit "s", range 0.0001..=10.0;
         /// Coulomb friction coefficient.
         friction: f64 = 0.0, unit "1", range 0.0..=2.0;
         /// Sliding speed at which friction reaches 1/√2 of its full value.
-        slip_velocity_m_s: f64 = 0.001, unit "m/s", range 0.000001..=1.0;
+        slip_velocity_m_s: f64 = SLIP_VELOCITY_M_S, unit "m/s", range 0.000001..=1.0;
         /// A surface that moves; at rest when absent.
         plate: Option<PlateSection>;
     }
@@ -118,6 +127,23 @@ fn step_has_a_direction(step: &StiffnessStepSection, path: &str, errors: &mut Ve
     if direction_of(step.direction).is_none() {
         let key = format!("{path}.direction");
         errors.push(ConfigError::new(key, format!("{:?}", step.direction), "a vector that is not zero"));
+    }
+}
+
+fn plate_is_no_faster(plate: &PlateSection, path: &str, errors: &mut Vec<ConfigError>) {
+    let mut refuse = |key: &str, found: f64, accepted: String| {
+        errors.push(ConfigError::new(format!("{path}.{key}"), found, accepted));
+    };
+    let speed = plate.amplitude_m * TAU * plate.frequency_hz;
+    if speed > MOST_SINE_SPEED {
+        let accepted = format!(
+            "at most {MOST_SINE_SPEED} m/s for amplitude_m * 2 pi * frequency_hz, which is {speed:.3} m/s with {path}.frequency_hz = {}",
+            plate.frequency_hz
+        );
+        refuse("amplitude_m", plate.amplitude_m, accepted);
+    }
+    if plate.amplitude_m == 0.0 && plate.frequency_hz != PLATE_FREQUENCY_HZ {
+        refuse("frequency_hz", plate.frequency_hz, format!("none without {path}.amplitude_m above 0: nothing swings"));
     }
 }
 
@@ -142,8 +168,9 @@ fn keys_fit_each_other(surface: &SurfaceSection, path: &str, errors: &mut Vec<Co
         _ => {}
     }
     if surface.hunt_crossley.is_some() {
-        if surface.hardening.is_some() {
-            refuse("hardening", "given".to_owned(), "none with hunt_crossley, which hardens by its exponent");
+        if let Some(hardening) = &surface.hardening {
+            let accepted = "no [surface.hardening] beside [surface.hunt_crossley], which hardens by its exponent";
+            refuse("hardening", format!("{{ depth_m = {} }}", hardening.depth_m), accepted);
         }
         if surface.damping_n_s_m > 0.0 {
             let found = surface.damping_n_s_m.to_string();
@@ -154,6 +181,17 @@ fn keys_fit_each_other(surface: &SurfaceSection, path: &str, errors: &mut Vec<Co
     if let Some(stiffness) = surface.maxwell_stiffness_n_m.filter(|_| !is_plain) {
         let accepted = "none with step, hardening or hunt_crossley: what creeps is linear, and the same everywhere";
         refuse("maxwell_stiffness_n_m", stiffness.to_string(), accepted);
+    }
+    if surface.shape() != ShapeName::Cylinder && surface.axis != CYLINDER_AXIS {
+        refuse("axis", format!("{:?}", surface.axis), "none but of a cylinder: plane and sphere have no axis");
+    }
+    if surface.maxwell_stiffness_n_m.is_none() && surface.maxwell_relaxation_time_s != RELAXATION_TIME_S {
+        let found = surface.maxwell_relaxation_time_s.to_string();
+        refuse("maxwell_relaxation_time_s", found, "none without maxwell_stiffness_n_m: nothing creeps");
+    }
+    if surface.friction == 0.0 && surface.slip_velocity_m_s != SLIP_VELOCITY_M_S {
+        let found = surface.slip_velocity_m_s.to_string();
+        refuse("slip_velocity_m_s", found, "none without friction above 0: nothing drags");
     }
 }
 

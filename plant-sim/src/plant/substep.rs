@@ -65,7 +65,9 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         let joint = self.joints.velocity.iamax();
         let velocity_rad_s = self.joints.velocity[joint];
         if !self.parameters.joints.advance(&step.joints, &mut self.joints, reference, &load) {
-            self.divergence.get_or_insert(Divergence { time_s: self.scenario_time_s(), joint, velocity_rad_s });
+            // Before the motion the sample's time is below zero, and near enough.
+            let time_s = if self.motion_began_ns.is_some() { self.time_s() } else { self.scenario_time_s() };
+            self.divergence.get_or_insert(Divergence { time_s, joint, velocity_rad_s });
         }
         self.now_ns += duration_ns;
         if !is_free {

@@ -46,7 +46,8 @@ struct Change<const N: usize> {
 }
 
 impl<const N: usize> RigidBody<N> {
-    /// A step of `h` seconds; `None` where the motion is then no longer finite.
+    /// A step of `h` seconds; `None` where the motion is then no longer finite, or where the masses with
+    /// their friction are so ill-conditioned that no acceleration can be computed.
     pub(super) fn step(&self, before: &Motion<N>, h: f64, load: &impl Load<N>) -> Option<Motion<N>> {
         let slope: SVector<f64, N> =
             SVector::from_fn(|joint, _| self.joints[joint].friction.slope(before.rotor_velocity[joint]));

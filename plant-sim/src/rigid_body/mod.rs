@@ -110,8 +110,8 @@ impl<const N: usize> RigidBody<N> {
     }
 
     /// Goes on for so long: the drives follow `reference` in rad/s, the arm presses on `load`. Long
-    /// steps are cut at the drives' ticks. False where the motion is no longer finite; the state is then
-    /// the last one that was.
+    /// steps are cut at the drives' ticks. False where the motion is no longer finite, or its masses
+    /// cannot be inverted; the state is then the last one before.
     #[must_use]
     pub fn advance(
         &mut self,

@@ -37,9 +37,10 @@ pub enum Unresolved {
         /// s.
         accepted_step_s: f64,
     },
-    /// The arm swings too fast on the surface.
+    /// The arm swings too fast on the surface, where the impact alone takes it; what the controller then
+    /// presses deeper is not looked at.
     #[error(
-        "surface.stiffness_n_m: at its hardest, {stiffness:.3e} N/m, the arm swings on it at {frequency_hz:.0} Hz, which steps of \
+        "surface.stiffness_n_m: as deep as an impact alone leads, {stiffness:.3e} N/m, the arm swings on it at {frequency_hz:.0} Hz, which steps of \
          {step_s:e} s do not resolve: accepted: timing.substep_s of at most {accepted_step_s:.1e} s, or a softer surface"
     )]
     Surface {

@@ -8,8 +8,14 @@ use super::body::Body;
 use super::checked::Said;
 use super::document::Described;
 use super::frame::Frame;
+use super::marked::shown;
 use super::tree::Tree;
 use super::xml::{Refused, Shown};
+
+/// Furthest that a joint may turn either way, in rad: four turns. What is beyond is likely in degrees.
+const MOST_TURNED: f64 = 4.0 * std::f64::consts::TAU;
+/// Position in rad from which a limit is none: nobody writes so many degrees.
+const NO_LIMIT: f64 = 1000.0;
 
 /// A joint that turns, and its body.
 #[derive(Debug, Clone)]
@@ -21,6 +27,8 @@ pub(super) struct ArmJoint {
     pub(super) axis: [f64; 3],
     /// rad; `None` for a continuous joint.
     pub(super) position: Option<[f64; 2]>,
+    /// Whether an end of that is its `<safety_controller>`'s, within the one of its `<limit>`.
+    pub(super) is_soft: bool,
     /// rad/s; `None` where the URDF says none.
     pub(super) speed: Option<f64>,
     /// N m; likewise.
@@ -101,41 +109,87 @@ fn can_be_imported(joint: &Joint, said: Said) -> Result<(), Refused> {
 
 fn arm_joint(joint: &Joint, said: Said, frame: Frame, body: Body) -> Result<ArmJoint, Refused> {
     let refused = |why: String| Err(Refused::new(said.line, format!("joint {}: {why}", Shown(&joint.name))));
-    let length = joint.axis.xyz.iter().map(|part| part * part).sum::<f64>().sqrt();
-    if !(length > 1e-6 && length.is_finite()) {
+    let Some(axis) = unit(*joint.axis.xyz) else {
         return refused(format!("axis = {:?}; accepted: a vector that is not zero", *joint.axis.xyz));
-    }
+    };
     let limit = &joint.limit;
     let position = match joint.joint_type {
         JointType::Continuous => None,
-        _ if !(said.position && said.velocity && said.effort) => {
-            return refused(
-                "its <limit> lacks lower, upper, velocity or effort; say them, or make it type=\"continuous\" where it \
-                 turns without end"
-                    .to_owned(),
-            );
-        }
-        _ if limit.lower < limit.upper => Some([limit.lower, limit.upper]),
-        _ => {
-            let [lower, upper] = [limit.lower, limit.upper];
-            return refused(format!("lower = {lower} and upper = {upper} of its <limit>; accepted: lower below upper"));
-        }
+        _ => Some(position(joint, said)?),
     };
     // Who writes 0 means that nobody has said.
     let above_zero = |value: f64, is_said: bool| Some(value).filter(|value| is_said && *value > 0.0);
     for (name, value) in [("velocity", limit.velocity), ("effort", limit.effort)] {
         if value < 0.0 {
+            let value = shown(value);
             return refused(format!("{name} = {value} of its <limit>; accepted: above 0, or 0 where it is not known"));
+        }
+    }
+    let friction = joint.dynamics.as_ref().map(|dynamics| [dynamics.damping, dynamics.friction]);
+    for (name, value) in ["damping", "friction"].into_iter().zip(friction.into_iter().flatten()) {
+        if value < 0.0 {
+            return refused(format!("{name} = {} of its <dynamics>; accepted: at least 0", shown(value)));
         }
     }
     Ok(ArmJoint {
         name: joint.name.clone(),
         frame,
-        axis: joint.axis.xyz.map(|part| part / length),
-        position,
+        axis,
+        position: position.map(|(ends, _)| ends),
+        is_soft: position.is_some_and(|(_, is_soft)| is_soft),
         speed: above_zero(limit.velocity, said.velocity),
         effort: above_zero(limit.effort, said.effort),
-        friction: joint.dynamics.as_ref().map(|dynamics| [dynamics.damping, dynamics.friction]),
+        friction,
         body,
     })
+}
+
+/// Of length 1; `None` of a vector that is as good as zero.
+fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
+    let length = |vector: [f64; 3]| vector.iter().map(|part| part * part).sum::<f64>().sqrt();
+    let plain = length(vector);
+    // Squares of large numbers are not finite.
+    let largest = vector.iter().fold(0.0_f64, |largest, part| largest.max(part.abs()));
+    let (vector, length) = if plain.is_finite() {
+        (vector, plain)
+    } else {
+        let scaled = vector.map(|part| part / largest);
+        (scaled, length(scaled))
+    };
+    (length > 1e-6).then(|| vector.map(|part| part / length))
+}
+
+/// The ends of a revolute joint in rad, and whether one is of its `<safety_controller>`.
+fn position(joint: &Joint, said: Said) -> Result<([f64; 2], bool), Refused> {
+    let refused = |why: String| Err(Refused::new(said.line, format!("joint {}: {why}", Shown(&joint.name))));
+    let needed = [("lower", said.lower), ("upper", said.upper), ("velocity", said.velocity), ("effort", said.effort)];
+    let absent: Vec<&str> = needed.into_iter().filter(|(_, is_said)| !is_said).map(|(name, _)| name).collect();
+    if !absent.is_empty() {
+        return refused(format!(
+            "its <limit> lacks {}; say it, or make it type=\"continuous\" where it turns without end",
+            absent.join(", ")
+        ));
+    }
+    let hard = [joint.limit.lower, joint.limit.upper];
+    let [lower, upper] = hard.map(shown);
+    if hard[0] >= hard[1] {
+        return refused(format!("lower = {lower} and upper = {upper} of its <limit>; accepted: lower below upper"));
+    }
+    if hard.iter().any(|end| (MOST_TURNED..NO_LIMIT).contains(&end.abs())) {
+        return refused(format!(
+            "lower = {lower} and upper = {upper} of its <limit>, in rad; accepted: up to {MOST_TURNED:.1} rad either way, \
+             four turns, or type=\"continuous\" where it turns without end; degrees have to be converted"
+        ));
+    }
+    let [soft_lower, soft_upper] = said.soft;
+    let ends =
+        [soft_lower.map_or(hard[0], |soft| soft.max(hard[0])), soft_upper.map_or(hard[1], |soft| soft.min(hard[1]))];
+    if ends[0] >= ends[1] {
+        let [soft_lower, soft_upper] = said.soft.map(|soft| soft.map_or("not said".to_owned(), shown));
+        return refused(format!(
+            "soft_lower_limit = {soft_lower} and soft_upper_limit = {soft_upper} of its <safety_controller>; accepted: limits \
+             that leave a way between lower = {lower} and upper = {upper} of its <limit>, or none"
+        ));
+    }
+    Ok((ends, ends != hard))
 }

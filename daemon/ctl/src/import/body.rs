@@ -6,6 +6,7 @@ use urdf_rs::{JointType, Link};
 
 use super::document::Described;
 use super::frame::Frame;
+use super::marked::shown;
 use super::tree::Tree;
 use super::xml::{Refused, Shown};
 
@@ -67,7 +68,7 @@ fn part(described: &Described, link: &Link, frame: &Frame, is_own: bool) -> Resu
     }
     if mass <= 0.0 {
         return Err(refused(
-            format!("its mass is {mass} kg"),
+            format!("its mass is {} kg", shown(mass)),
             "a mass above 0, or no <inertial>, which is then marked as to be filled in",
         ));
     }

@@ -10,7 +10,7 @@ use super::xml::{Refused, Shown, line_of};
 /// Most links: as many joints connect them.
 const MOST_LINKS: usize = 2_000;
 /// Attributes that are numbers, of which element, and how many each has.
-const NUMBERS: [(&str, &[&str], usize); 7] = [
+const NUMBERS: [(&str, &[&str], usize); 8] = [
     ("origin", &["xyz", "rpy"], 3),
     ("origin", &["quat_xyzw"], 4),
     ("axis", &["xyz"], 3),
@@ -18,23 +18,28 @@ const NUMBERS: [(&str, &[&str], usize); 7] = [
     ("mass", &["value"], 1),
     ("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"], 1),
     ("dynamics", &["damping", "friction"], 1),
+    ("safety_controller", &["soft_lower_limit", "soft_upper_limit"], 1),
 ];
 /// Types of joints that URDF knows.
 const TYPES: [&str; 7] = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
 
 /// What the text says of a link or joint, where urdf-rs has the same value for what it does not say.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Said {
     /// Line of the element, from 1.
     pub(super) line: Option<u32>,
     /// A link's `<inertial>`.
     pub(super) inertial: bool,
-    /// Both ends of a joint's `<limit>`.
-    pub(super) position: bool,
+    /// The lower end of a joint's `<limit>`.
+    pub(super) lower: bool,
+    /// The upper one.
+    pub(super) upper: bool,
     /// Its velocity.
     pub(super) velocity: bool,
     /// Its effort.
     pub(super) effort: bool,
+    /// Ends of its `<safety_controller>`, which urdf-rs is not given: rad.
+    pub(super) soft: [Option<f64>; 2],
 }
 
 /// What is said of the elements of one kind, by their names.
@@ -170,14 +175,19 @@ fn joint(node: Node<'_, '_>) -> Result<Said, Refused> {
     }
     joint.needed(node, "parent", "link")?;
     joint.needed(node, "child", "link")?;
-    for once in ["origin", "mimic", "dynamics"] {
+    for once in ["origin", "dynamics"] {
         joint.child(node, once)?;
     }
     if let Some(axis) = joint.child(node, "axis")?.filter(|axis| axis.attribute("xyz").is_none()) {
         return Err(joint.refused(axis, "its <axis> lacks xyz; say it"));
     }
+    if joint.child(node, "mimic")?.is_some() {
+        joint.needed(node, "mimic", "joint")?;
+    }
     let limit = joint.child(node, "limit")?;
     let has = |name: &str| limit.is_some_and(|limit| limit.attribute(name).is_some());
-    let position = has("lower") && has("upper");
-    Ok(Said { position, velocity: has("velocity"), effort: has("effort"), ..Said::default() })
+    let safety = joint.child(node, "safety_controller")?;
+    let soft = ["soft_lower_limit", "soft_upper_limit"].map(|name| safety?.attribute(name)?.trim().parse().ok());
+    let [lower, upper, velocity, effort] = ["lower", "upper", "velocity", "effort"].map(has);
+    Ok(Said { lower, upper, velocity, effort, soft, ..Said::default() })
 }

@@ -1,6 +1,6 @@
 //! A URDF's text, checked, and then read by urdf-rs.
 
-use roxmltree::Node;
+use roxmltree::{Attribute, Node};
 
 use super::checked::{SaidOf, elements, links_and_joints};
 use super::xml::{self, Refused};
@@ -12,6 +12,9 @@ const KEPT: [(&str, &[&str]); 4] = [
     ("inertial", &["origin", "mass", "inertia"]),
     ("joint", &["origin", "parent", "child", "axis", "limit", "mimic", "dynamics"]),
 ];
+
+/// Attributes that are read of these elements: what others urdf-rs knows could be no numbers.
+const ATTRIBUTES: [(&str, &[&str]); 2] = [("limit", &["lower", "upper", "effort", "velocity"]), ("mimic", &["joint"])];
 
 /// The robot, with what only its text shows.
 #[derive(Debug)]
@@ -40,10 +43,18 @@ impl Described {
 fn write(node: Node<'_, '_>, plain: &mut String) {
     let name = node.tag_name().name();
     plain.extend(["<", name]);
-    for attribute in node.attributes().filter(|attribute| attribute.namespace().is_none()) {
+    let read = ATTRIBUTES.iter().find(|(element, _)| *element == name).map(|(_, read)| *read);
+    let is_read = |attribute: &Attribute<'_, '_>| {
+        attribute.namespace().is_none() && read.is_none_or(|read| read.contains(&attribute.name()))
+    };
+    for attribute in node.attributes().filter(is_read) {
         plain.extend([" ", attribute.name(), "=\""]);
         attribute.value().chars().for_each(|character| escape(character, plain));
         plain.push('"');
+    }
+    if name == "limit" && !node.has_attribute("velocity") {
+        // urdf-rs refuses a limit without one, by a message that names no joint; `Said` knows that it is absent.
+        plain.push_str(" velocity=\"0\"");
     }
     plain.push('>');
     let kept = KEPT.iter().find(|(element, _)| *element == name).map_or(&[][..], |(_, kept)| kept);

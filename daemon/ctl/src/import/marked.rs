@@ -4,7 +4,7 @@
 
 use admittance_host::config::escaped;
 
-const MARK: &str = "# FILL IN: ";
+pub(super) const MARK: &str = "# FILL IN: ";
 const EXAMPLE: &str = "; such as ";
 
 /// A key that is to be filled in, with what it means and a value that would be accepted.
@@ -20,6 +20,14 @@ pub(super) fn with_examples(text: &str) -> String {
         Some(format!("{key} = {example}\n"))
     };
     text.lines().map(|line| filled(line).unwrap_or_else(|| format!("{line}\n"))).collect()
+}
+
+/// A number as a message or a comment has it: huge and tiny ones with an exponent.
+pub(super) fn shown(value: f64) -> String {
+    match value.abs() {
+        size if size == 0.0 || (1e-6..1e9).contains(&size) => format!("{value}"),
+        _ => format!("{value:e}"),
+    }
 }
 
 /// A number as TOML has it; never -0.0, which means nothing here.
@@ -47,5 +55,6 @@ mod tests {
     #[test]
     fn numbers_are_those_of_the_urdf() {
         assert_eq!(list(&[0.1, -0.0, 1e-7, 3.0]), "[0.1, 0.0, 1e-7, 3.0]");
+        assert_eq!([-2.5, 0.0, 150.0, 1e308].map(shown), ["-2.5", "0", "150", "1e308"]);
     }
 }

@@ -127,6 +127,14 @@ fn limits(arm: &Arm) -> Vec<String> {
     if [ends(0), ends(1)].concat().iter().any(|end| end.abs() == NO_LIMIT) {
         lines.push(format!("# {NO_LIMIT} rad is no limit: the joint turns without end."));
     }
+    let soft = arm.joints.iter().enumerate().filter(|(_, joint)| joint.is_soft);
+    let soft: Vec<String> = soft.map(|(index, _)| index.to_string()).collect();
+    if !soft.is_empty() {
+        lines.push(format!(
+            "# Of joint {}: the soft limits of <safety_controller>, which are narrower.",
+            soft.join(", ")
+        ));
+    }
     lines.push(format!("joint_position_min_rad = {}", list(&ends(0))));
     lines.push(format!("joint_position_max_rad = {}", list(&ends(1))));
     lines

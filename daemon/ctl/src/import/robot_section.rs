@@ -4,7 +4,7 @@ use admittance_host::config::Value;
 
 use super::Origin;
 use super::arm::{Arm, ArmJoint};
-use super::marked::{list, to_fill_in};
+use super::marked::{list, shown, to_fill_in};
 use super::xml::Shown;
 
 /// Longest name of a robot, in characters.
@@ -40,8 +40,14 @@ pub(super) fn lines(arm: &Arm, origin: &Origin) -> Vec<String> {
 }
 
 fn described(joint: &ArmJoint) -> String {
-    let kind = if joint.position.is_some() { "revolute" } else { "continuous" };
-    let said = |value: Option<f64>, unit: &str| value.map_or("not said".to_owned(), |value| format!("{value} {unit}"));
+    let kind = match joint.position {
+        Some(_) if joint.is_soft => "revolute within soft limits",
+        Some(_) => "revolute",
+        None => "continuous",
+    };
+    let said = |value: Option<f64>, unit: &str| {
+        value.map_or("not said".to_owned(), |value| format!("{} {unit}", shown(value)))
+    };
     format!(
         "{}, {kind}, speed {}, effort {}",
         Shown(&joint.name),

@@ -111,7 +111,8 @@ impl Approach {
                 normal: self.normal,
                 shape: None,
                 curvature_1_m: 0.0,
-                axis: [0.0; 3],
+                // Any; it is no cylinder.
+                axis: [0.0, 0.0, 1.0],
                 stiffness_n_m: config.environment.normal_stiffness_n_m,
                 step: None,
                 hardening: None,

@@ -119,3 +119,37 @@ fn a_quaternion_of_version_1_1_is_a_turn() {
     let yaw = config.robot.joint[1].origin_rpy_rad[2];
     assert!((yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-12, "{yaw}");
 }
+
+/// Narrower ends take the place of those of the limit, and that is said; wider ones change nothing.
+#[test]
+fn soft_limits_are_kept_where_they_are_narrower() {
+    let with = |soft: &str| {
+        let text = ARM.replacen("<dynamics", &format!("<safety_controller {soft}/><dynamics"), 1);
+        import(&text, false).expect("an arm")
+    };
+    let narrower = with("soft_lower_limit=\"-1.9\" soft_upper_limit=\"2.6\" k_velocity=\"10\"");
+    assert_eq!(one_of(&narrower, "joint_position_min_rad")[1], -1.9);
+    assert_eq!(one_of(&narrower, "joint_position_max_rad")[1], 2.5);
+    assert!(narrower.contains("# Of joint 1: the soft limits of <safety_controller>"), "{narrower}");
+    assert!(narrower.contains("\"shoulder\", revolute within soft limits"), "{narrower}");
+    let wider = with("soft_lower_limit=\"-2\" soft_upper_limit=\"3\"");
+    assert!(one_of(&wider, "joint_position_min_rad")[1] == -2.0 && !wider.contains("soft limits"), "{wider}");
+}
+
+/// What urdf-rs would refuse without a name, and what only the length of an axis overflows on.
+#[test]
+fn what_is_not_needed_may_be_absent() {
+    let text = ARM.replacen("effort=\"40\"", "", 1).replacen("velocity=\"0.1\"", "jerk=\"fast\"", 1);
+    assert_eq!(import(&text, true), import(ARM, true));
+    let text = ARM.replacen("<axis xyz=\"0 0 2\"/>", "<axis xyz=\"1e200 1e200 0\"/>", 1);
+    let config: Config = parse(&marked::with_examples(&import(&text, false).expect("an arm")), "arm").expect("valid");
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    assert!((config.robot.joint[0].axis[1] - half).abs() < 1e-15, "{:?}", config.robot.joint[0].axis);
+}
+
+#[test]
+fn a_printed_command_is_one_that_a_shell_takes() {
+    let mut origin = origin("world", "the tip's");
+    origin.urdf = PathBuf::from("/my arms/arm.urdf");
+    assert_eq!(origin.words(), r"'/my arms/arm.urdf' --base world --tip 'the tip'\''s'");
+}

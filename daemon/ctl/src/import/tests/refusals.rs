@@ -34,7 +34,36 @@ fn what_is_wrong_is_named_with_its_line_and_what_to_do() {
         ("<limit lower=\"-2\" upper=\"2.5\"", "<limit upper=\"2.5\"", &[shoulder, "lacks lower", "continuous"]),
         ("lower=\"-2\" upper=\"2.5\"", "lower=\"2.5\" upper=\"2.5\"", &[shoulder, "lower = 2.5", "below upper"]),
         ("upper=\"2.5\" velocity=\"2\"", "upper=\"2.5\" velocity=\"-2\"", &[shoulder, "velocity = -2", "above 0"]),
-        ("velocity=\"2\" effort=\"150\"", "velocity=\"2\"", &[shoulder, "lacks", "effort"]),
+        ("velocity=\"2\" effort=\"150\"", "velocity=\"2\"", &[":15: ", shoulder, "lacks effort"]),
+        ("velocity=\"2\" effort=\"150\"", "effort=\"150\"", &[":15: ", shoulder, "lacks velocity"]),
+        ("velocity=\"2\" effort=\"150\"", "", &[":15: ", shoulder, "lacks velocity, effort"]),
+        (
+            "lower=\"-2\" upper=\"2.5\"",
+            "lower=\"-180\" upper=\"180\"",
+            &[":15: ", shoulder, "upper = 180", "25.1 rad", "degrees"],
+        ),
+        ("lower=\"-2\" upper=\"2.5\"", "lower=\"-2\" upper=\"90\"", &[shoulder, "upper = 90", "degrees"]),
+        ("damping=\"3\"", "damping=\"-3\"", &[":15: ", shoulder, "damping = -3", "at least 0"]),
+        ("friction=\"1.5\"", "friction=\"-1e300\"", &[shoulder, "friction = -1e300", "at least 0"]),
+        ("<dynamics damping", "<mimic/><dynamics damping", &[shoulder, "lacks <mimic joint"]),
+        (
+            "<dynamics damping",
+            "<safety_controller soft_lower_limit=\"x\"/><dynamics damping",
+            &[shoulder, "soft_lower_limit = \"x\"", "a finite number"],
+        ),
+        (
+            "<dynamics damping",
+            "<safety_controller soft_lower_limit=\"3\"/><dynamics damping",
+            &[shoulder, "soft_lower_limit = 3", "soft_upper_limit = not said", "lower = -2", "accepted"],
+        ),
+        ("made-up &quot;six&quot;", "a # FILL IN: b", &["robot \"a # FILL IN: b\"", "accepted: a name"]),
+        (
+            "<joint name=\"finger\"",
+            "<joint name=\"# FILL IN: b; such as 1\"",
+            &[":54: ", "joint \"# FILL IN: b; such as 1\""],
+        ),
+        ("<mass value=\"4\"/>", "<mass value=\"1e308\"/>", &[shoulder, "mass_kg", "1e308", "5000"]),
+        ("<mass value=\"4\"/>", "<mass value=\"-1e308\"/>", &["link \"upper\": ", "-1e308 kg"]),
         ("<axis xyz=\"0 0 2\"/>", "<axis xyz=\"0 0 0\"/>", &["joint \"turn\": ", "axis", "not zero"]),
         ("<axis xyz=\"0 0 2\"/>", "<axis xyz=\"0 0 nan\"/>", &["joint \"turn\": ", "\"0 0 nan\"", "3 finite numbers"]),
         ("<axis xyz=\"0 0 2\"/>", "<axis/>", &["joint \"turn\": ", "lacks xyz"]),
@@ -96,7 +125,8 @@ fn base_and_tip_are_links_one_above_the_other() {
     }
     assert!(said("world", "finger").contains("joint \"finger\": it is prismatic"));
     // Two joints that are no planar arm: validate would refuse what is printed.
-    assert!(said("world", "upper").contains("task axes"), "{}", said("world", "upper"));
+    let two = said("world", "upper");
+    assert!(two.contains("task axes are x and y of the base frame"), "{two}");
 }
 
 #[test]
