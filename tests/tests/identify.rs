@@ -142,3 +142,34 @@ fn loops_of_an_arm_with_masses_predict_a_motion_that_they_have_not_seen() {
     let mean = |key: &str| joints.iter().map(|joint| error(joint, key)).sum::<f64>() / 6.0;
     assert!(mean("found_error") < mean("configured_error"), "{joints:?}");
 }
+
+#[test]
+fn what_cannot_be_used_or_written_is_named_and_left_as_it_is() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let of = |name: &str| directory.path().join(name).to_str().expect("text").to_owned();
+    let [free, other, short, pipe] = &["free.mcap", "other.mcap", "short.mcap", "pipe"].map(of);
+    let longer = with_keys(CONFIG, &[("robot.tool.origin_m", "[0.0, 0.0, 0.16]")]);
+    let mut brief = experiment(CONFIG, FREE);
+    brief.scenario.motion.truncate(6);
+    record(&brief, CONFIG, free.as_ref());
+    record(&brief, &longer, other.as_ref());
+    brief.scenario.motion.truncate(1);
+    brief.scenario.timing.settle_s = 0.01;
+    record(&brief, CONFIG, short.as_ref());
+    let before = std::fs::read(free).expect("readable");
+    assert!(Command::new("mkfifo").arg(pipe).status().expect("it starts").success());
+    let [check, write, page] = &["--check", "--write", "--directory"].map(str::to_owned);
+    for (arguments, expected, words) in [
+        (vec![free, free], 65, "was given already"),
+        (vec![free, other], 65, "robot.tool.origin_m = [0.0, 0.0, 0.16]: accepted is [0.0, 0.0, 0.15]"),
+        (vec![free, check, short], 65, "short.mcap: no motion in it"),
+        (vec![free, check, free], 65, "was given already"),
+        (vec![free, write, free], 73, "is never overwritten"),
+        (vec![free, write, pipe], 73, "is never overwritten"),
+        (vec![free, page, free], 73, "it is no directory"),
+    ] {
+        let (code, said) = output(Command::new(&binaries().admittancectl).arg("identify").args(arguments));
+        assert!(code == Some(expected) && said.contains(words), "{words}: {code:?}: {said}");
+    }
+    assert_eq!(std::fs::read(free).expect("readable"), before);
+}
