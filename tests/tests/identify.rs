@@ -14,14 +14,12 @@ use plant_sim::scenario::Scenario;
 use serde_json::Value;
 
 const CONFIG: &str = include_str!("../../deploy/robots/six-joint.toml");
-const SCENARIO: &str = include_str!("../../plant-sim/scenarios/identify.toml");
+const FREE: &str = include_str!("../../plant-sim/scenarios/identify-free.toml");
+const TOUCH: &str = include_str!("../../plant-sim/scenarios/identify-touch.toml");
 const MASSES: &str = include_str!("../../plant-sim/scenarios/identify-masses.toml");
 
-/// Phases of the scenarios that are free motion, and those of them that change all speeds; a touch
-/// follows, this long (s) after its beginning.
-const FREE_PHASES: usize = 40;
+/// Phases of the free motion that change all speeds.
 const LIVELY_PHASES: usize = 24;
-const TOUCH_S: f64 = 0.4;
 
 /// Loops, tool, wrench and floor as they are told: wrong by 20 to 30 %. Free motion
 /// is recorded without control, as commissioning has it: a wrong tool feigns touches.
@@ -71,24 +69,25 @@ impl Judged {
 #[test]
 fn an_arm_that_was_told_wrongly_is_found() {
     let directory = tempfile::tempdir().expect("a directory");
-    let [free, touch, new] = ["free.mcap", "touch.mcap", "new.toml"].map(|name| directory.path().join(name));
+    let [free, touch] = ["free.mcap", "touch.mcap"].map(|name| directory.path().join(name));
     let text = with_keys(CONFIG, &WRONG);
+    let report_lag_s = 0.002;
     let dead_times = [0.0012, 0.001, 0.0019, 0.0011, 0.0015, 0.001];
     let mut judged = Judged::default();
     for seed in ["1", "2", "3"] {
         let changes = [("wrench.delay_s", "0.0015"), ("timing.command_delay_s", "0.0007"), ("noise.seed", seed)];
-        let mut experiment = experiment(&text, &with_keys(SCENARIO, &changes));
-        let (dead_time_s, report_lag_s) = (Some(dead_times.to_vec()), 0.002);
-        experiment.scenario.robot.velocity_loop =
-            Some(VelocityLoopDescription { damping: None, dead_time_s, report_lag_s });
-        let mut touching = experiment.clone();
-        touching.scenario.motion.drain(..FREE_PHASES);
-        touching.scenario.start.contact_time_s = Some(TOUCH_S);
-        experiment.scenario.motion.truncate(FREE_PHASES);
-        (experiment.scenario.surface, experiment.scenario.start.contact_time_s) = (None, None);
+        let with_loops = |scenario: &str| {
+            let mut experiment = experiment(&text, &with_keys(scenario, &changes));
+            let dead_time_s = Some(dead_times.to_vec());
+            experiment.scenario.robot.velocity_loop =
+                Some(VelocityLoopDescription { damping: None, dead_time_s, report_lag_s });
+            experiment
+        };
+        let (mut experiment, touching) = (with_loops(FREE), with_loops(TOUCH));
         experiment.config.control.start_enabled = false;
         record(&experiment, &text, &free);
         record(&touching, &text, &touch);
+        let new = directory.path().join(format!("{seed}.toml"));
         let found = identify(&["--write", new.to_str().expect("text")], &[&free, &touch]);
         for (joint, truth) in experiment.scenario.robot.velocity_time_constant_s.iter().enumerate() {
             let of = &found["joints"][joint];
@@ -142,4 +141,35 @@ fn loops_of_an_arm_with_masses_predict_a_motion_that_they_have_not_seen() {
     }
     let mean = |key: &str| joints.iter().map(|joint| error(joint, key)).sum::<f64>() / 6.0;
     assert!(mean("found_error") < mean("configured_error"), "{joints:?}");
+}
+
+#[test]
+fn what_cannot_be_used_or_written_is_named_and_left_as_it_is() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let of = |name: &str| directory.path().join(name).to_str().expect("text").to_owned();
+    let [free, other, short, pipe] = &["free.mcap", "other.mcap", "short.mcap", "pipe"].map(of);
+    let longer = with_keys(CONFIG, &[("robot.tool.origin_m", "[0.0, 0.0, 0.16]")]);
+    let mut brief = experiment(CONFIG, FREE);
+    brief.scenario.motion.truncate(6);
+    record(&brief, CONFIG, free.as_ref());
+    record(&brief, &longer, other.as_ref());
+    brief.scenario.motion.truncate(1);
+    brief.scenario.timing.settle_s = 0.01;
+    record(&brief, CONFIG, short.as_ref());
+    let before = std::fs::read(free).expect("readable");
+    assert!(Command::new("mkfifo").arg(pipe).status().expect("it starts").success());
+    let [check, write, page] = &["--check", "--write", "--directory"].map(str::to_owned);
+    for (arguments, expected, words) in [
+        (vec![free, free], 65, "was given already"),
+        (vec![free, other], 65, "robot.tool.origin_m = [0.0, 0.0, 0.16]: accepted is [0.0, 0.0, 0.15]"),
+        (vec![free, check, short], 65, "short.mcap: no motion in it"),
+        (vec![free, check, free], 65, "was given already"),
+        (vec![free, write, free], 73, "is never overwritten"),
+        (vec![free, write, pipe], 73, "is never overwritten"),
+        (vec![free, page, free], 73, "it is no directory"),
+    ] {
+        let (code, said) = output(Command::new(&binaries().admittancectl).arg("identify").args(arguments));
+        assert!(code == Some(expected) && said.contains(words), "{words}: {code:?}: {said}");
+    }
+    assert_eq!(std::fs::read(free).expect("readable"), before);
 }

@@ -7,14 +7,16 @@ use serde::Serialize;
 use super::found::{Case, Found};
 use super::joint_loop::Loop;
 use super::least_squares::mean_square;
+use super::unknown::LEAST_SPEED_RAD_S;
 
 /// Of a joint, as parts of the range of its velocity (RMS).
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Predicted {
     joint: usize,
     range_rad_s: f64,
-    found_error: f64,
-    configured_error: f64,
+    /// None where the joint does not move.
+    found_error: Option<f64>,
+    configured_error: Option<f64>,
 }
 
 /// Of all joints; commands are taken to act as was found.
@@ -45,8 +47,8 @@ pub(super) fn predicted(mut case: Case<'_>, found: &Found) -> Vec<Predicted> {
     let of = |(joint, of): (usize, &super::loops::FoundLoop)| {
         let shown = || case.tracks.iter().flat_map(|track| track.velocity.iter().map(|velocity| velocity[joint]));
         let range_rad_s = shown().fold(f64::NEG_INFINITY, f64::max) - shown().fold(f64::INFINITY, f64::min);
-        let [found_error, configured_error] =
-            [&of.model, &configured[joint]].map(|model| error(model, joint) / range_rad_s);
+        let [found_error, configured_error] = [&of.model, &configured[joint]]
+            .map(|model| (range_rad_s >= LEAST_SPEED_RAD_S).then(|| error(model, joint) / range_rad_s));
         Predicted { joint, range_rad_s, found_error, configured_error }
     };
     found.loops.joints.iter().enumerate().map(of).collect()
@@ -55,11 +57,14 @@ pub(super) fn predicted(mut case: Case<'_>, found: &Found) -> Vec<Predicted> {
 impl Display for Predicted {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         let Self { joint, range_rad_s, found_error, configured_error } = self;
+        let (Some(found), Some(configured)) = (found_error, configured_error) else {
+            return write!(f, "joint {joint}: does not move, its range is {range_rad_s:.3} rad/s");
+        };
         write!(
             f,
             "joint {joint}: predicted within {:.2} % of its range of {range_rad_s:.3} rad/s (RMS); as configured {:.2} %",
-            100.0 * found_error,
-            100.0 * configured_error
+            100.0 * found,
+            100.0 * configured
         )
     }
 }

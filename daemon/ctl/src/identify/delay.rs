@@ -13,7 +13,8 @@ const FINEST_S: f64 = 1e-5;
 
 /// The delay in s, by the samples of each track that `shows` marks; `None` where they do not tell.
 pub(super) fn command_delay(tracks: &[Track], loops: &FoundLoops, shows: &[Vec<bool>]) -> Option<Estimate> {
-    let (least, most) = delay_bracket(tracks)?;
+    // A controller that is ahead of its samples tells no delay.
+    let (least, most) = delay_bracket(tracks).filter(|(least, most)| least < most)?;
     let (mut blocks, mut before) = (Vec::new(), 0);
     let told: Vec<usize> = (0..loops.joints.len()).filter(|joint| loops.joints[*joint].is_told).collect();
     for (track, shows) in tracks.iter().zip(shows) {

@@ -28,15 +28,18 @@ impl Estimate {
 
     /// The mean of several, each by how certain it is. What they disagree by is doubt as well.
     pub(super) fn mean(of: &[Self]) -> Option<Self> {
-        let weight = |one: &Self| 1.0 / (one.half_width * one.half_width).max(1e-300);
+        // One that may be anything has no weight.
+        let weight = |one: &Self| {
+            if one.half_width.is_finite() { 1.0 / (one.half_width * one.half_width).max(1e-300) } else { 0.0 }
+        };
         let sum: f64 = of.iter().map(weight).sum();
-        if of.is_empty() || !sum.is_finite() {
+        if !(sum > 0.0 && sum.is_finite()) {
             return None;
         }
         let value = of.iter().map(|one| weight(one) * one.value).sum::<f64>() / sum;
         // In half widths: 1 is what is expected of them.
         let apart = of.iter().map(|one| weight(one) * (one.value - value).powi(2)).sum::<f64>();
-        let expected = 0.26 * (of.len() as f64 - 1.0);
+        let expected = 0.26 * (of.iter().filter(|one| weight(one) > 0.0).count() as f64 - 1.0);
         let factor = if expected > 0.0 { (apart / expected).sqrt().max(1.0) } else { 1.0 };
         Some(Self { value, half_width: factor / sum.sqrt() })
     }
@@ -57,5 +60,8 @@ mod tests {
         assert!((agreeing.value - 1.02).abs() < 1e-12 && (agreeing.half_width - 0.1 / 2f64.sqrt()).abs() < 1e-9);
         let apart = mean(&[(1.0, 0.1), (2.0, 0.1)]).expect("a mean");
         assert!(apart.half_width > 0.5, "{apart:?}");
+        assert_eq!(mean(&[(1.0, f64::INFINITY), (2.0, f64::NAN)]), None);
+        let one = mean(&[(1.0, f64::INFINITY), (2.0, 0.1)]).expect("a mean");
+        assert!((one.value - 2.0).abs() < 1e-12 && (one.half_width - 0.1).abs() < 1e-9, "{one:?}");
     }
 }

@@ -12,8 +12,9 @@ use super::joint_loop::Loop;
 use super::lag::unexplained_lag_s;
 use super::loops::{Evidence, FADED_S, FoundLoops};
 use super::reference::{References, delay_bracket, references, without_offset};
+use super::told::{self, Quantity, ToldTool};
 use super::tool::{Felt, Filter, FoundTool};
-use super::touch::{FoundTouch, Touch, normal, touch, touches, window};
+use super::touch::{FoundTouch, Touch, is_whole, normal, touch, touches, window};
 use super::track::Track;
 use super::unknown::{Unknown, unknown};
 use super::way::{Instant, way};
@@ -36,7 +37,9 @@ pub(super) struct Found {
     pub(super) command_delay_s: Option<Estimate>,
     /// Between which delays the sequences of the commands in force put it.
     pub(super) command_delay_between_s: Option<(f64, f64)>,
-    pub(super) tool: Option<FoundTool>,
+    pub(super) tool: Option<ToldTool>,
+    /// Samples at the end of the sensor's range, which tell nothing of the wrench.
+    pub(super) saturated_samples: usize,
     pub(super) touches: Vec<FoundTouch>,
     pub(super) stiffness_n_m: Option<Estimate>,
     pub(super) wrench_time_constant_s: Option<Estimate>,
@@ -92,22 +95,33 @@ impl<'a> Case<'a> {
         let lags = (0..joints).filter(|joint| loops.joints[*joint].is_told);
         let lags = lags.filter_map(|joint| unexplained_lag_s(&self.evidence(), joint, &loops.joints[joint]));
         let lag_tolerance_s = lags.max_by(f64::total_cmp);
-        let told: Vec<&FoundTouch> = felt.found.iter().filter(|touch| touch.is_told).collect();
-        let mean =
-            |of: fn(&FoundTouch) -> Estimate| Estimate::mean(&told.iter().map(|touch| of(touch)).collect::<Vec<_>>());
+        let touches: Vec<&FoundTouch> = felt.found.iter().filter(|touch| touch.is_told).collect();
+        let mean = |of: fn(&FoundTouch) -> Estimate| {
+            Estimate::mean(&touches.iter().map(|touch| of(touch)).collect::<Vec<_>>())
+        };
+        let mut unknown_so_far = Vec::new();
+        let tool = told::tool(self.config, felt.tool.as_ref(), &mut unknown_so_far);
+        let mut told = |what: &Quantity, found: Option<Estimate>| what.told(found, &mut unknown_so_far);
+        // It stays among the loops; what is noted counts.
+        let _ = told(&told::REPORT_LAG, Some(loops.report_lag_s));
+        let command_delay_s = told(&told::COMMAND_DELAY, command_delay_s);
+        let stiffness_n_m = told(&told::STIFFNESS, mean(|touch| touch.stiffness_n_m));
+        let wrench_time_constant_s = told(&told::WRENCH_LAG, mean(|touch| touch.time_constant_s));
+        let wrench_dead_time_s = told(&told::WRENCH_DEAD_TIME, mean(|touch| touch.dead_time_s));
         let mut found = Found {
             cycles: self.tracks.iter().map(Track::len).sum(),
             duration_s: self.tracks.iter().filter_map(|track| track.time_s.last()).sum(),
             command_delay_s,
             command_delay_between_s: between,
-            stiffness_n_m: mean(|touch| touch.stiffness_n_m),
-            wrench_time_constant_s: mean(|touch| touch.time_constant_s),
-            wrench_dead_time_s: mean(|touch| touch.dead_time_s),
+            stiffness_n_m,
+            wrench_time_constant_s,
+            wrench_dead_time_s,
+            saturated_samples: self.tracks.iter().map(|track| track.saturated).sum(),
             loops,
-            tool: felt.tool,
+            tool,
             touches: felt.found,
             lag_tolerance_s,
-            unknown: Vec::new(),
+            unknown: unknown_so_far,
         };
         found.unknown = unknown(self.config, &found);
         found
@@ -157,6 +171,7 @@ impl<'a> Case<'a> {
             let Some(tool) = felt.tool(&free) else { return all };
             let pressing = self.pressing(&felt, &tool);
             let mut longest = all.touches.clone();
+            longest.retain(|touch| is_whole(touch, &self.tracks[touch.track].time_s));
             longest.sort_by_key(|touch| std::cmp::Reverse(touch.samples.len()));
             longest.truncate(MOST_TOUCHES);
             let found = longest.iter().filter_map(|of| {
@@ -169,7 +184,8 @@ impl<'a> Case<'a> {
             let mean = |of: fn(&FoundTouch) -> Estimate| {
                 Estimate::mean(&told.iter().map(|touch| of(touch)).collect::<Vec<_>>())
             };
-            if let Some((lag, dead)) = mean(|touch| touch.time_constant_s).zip(mean(|touch| touch.dead_time_s)) {
+            let lag = mean(|touch| touch.time_constant_s).filter(|lag| told::WRENCH_LAG.tells(lag));
+            if let Some((lag, dead)) = lag.zip(mean(|touch| touch.dead_time_s)) {
                 filter = Filter { time_constant_s: lag.value, dead_time_s: dead.value };
             }
             if let Some(found) = &tool.center_of_gravity_m {

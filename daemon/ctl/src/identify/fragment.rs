@@ -6,6 +6,7 @@ use admittance_runner::cycle;
 
 use super::estimate::Estimate;
 use super::found::Found;
+use super::told::{DAMPING, JOINT_DEAD_TIME, REPORT_LAG};
 use super::toml_text::with_key;
 use super::unknown::loaded;
 
@@ -23,7 +24,9 @@ pub(super) struct Entry {
 
 /// A number with as many digits as it is worth, in TOML.
 pub(super) fn number(estimate: &Estimate) -> String {
-    let least = (0.1 * estimate.half_width).max(1e-4 * estimate.value.abs()).max(1e-9);
+    // Where the interval has no end, four digits.
+    let step = if estimate.half_width.is_finite() { 0.1 * estimate.half_width } else { 0.0 };
+    let least = step.max(1e-4 * estimate.value.abs()).max(1e-9);
     rounded(estimate.value, least)
 }
 
@@ -36,7 +39,10 @@ fn rounded(value: f64, step: f64) -> String {
     format!("{:?}", if value == 0.0 { 0.0 } else { value })
 }
 
-fn half_width(estimate: &Estimate) -> String {
+pub(super) fn half_width(estimate: &Estimate) -> String {
+    if !estimate.half_width.is_finite() {
+        return "unknown".to_owned();
+    }
     let digits = estimate.half_width.max(1e-9);
     rounded(digits, 0.1 * digits)
 }
@@ -100,7 +106,12 @@ fn of_robot(found: &Found, config: &Config) -> Vec<Entry> {
     let zero = Estimate::new(0.0, 1.0);
     if joints.iter().any(|joint| joint.damping.is_some() && joint.is_told) || damping.is_some() {
         let of = |n: usize| joints[n].damping.unwrap_or(zero);
-        let value = list((0..joints.len()).map(|n| of_joint(n, &of(n), old_damping(n))));
+        let value = |n: usize| {
+            // A loop of first order is told by having no damping.
+            let is_told = joints[n].damping.as_ref().is_none_or(|damping| DAMPING.tells(damping));
+            if is_told { of_joint(n, &of(n), old_damping(n)) } else { format!("{:?}", old_damping(n)) }
+        };
+        let value = list((0..joints.len()).map(value));
         let remark = interval(joints.iter().filter_map(|joint| joint.damping), "of those of second order");
         entries.push(entry(section, "damping", value, was(damping), remark));
     }
@@ -108,12 +119,16 @@ fn of_robot(found: &Found, config: &Config) -> Vec<Entry> {
     let old_dead = |n: usize| dead.map_or(0.0, |values| values[n]);
     if joints.iter().any(|joint| joint.is_told && joint.dead_time_s.is_there()) || dead.is_some() {
         let of = |n: usize| if joints[n].dead_time_s.is_there() { joints[n].dead_time_s } else { zero };
-        let value = list((0..joints.len()).map(|n| of_joint(n, &of(n), old_dead(n))));
+        let value = |n: usize| {
+            let is_told = JOINT_DEAD_TIME.tells(&joints[n].dead_time_s);
+            if is_told { of_joint(n, &of(n), old_dead(n)) } else { format!("{:?}", old_dead(n)) }
+        };
+        let value = list((0..joints.len()).map(value));
         let remark = interval(joints.iter().map(|joint| joint.dead_time_s), "s");
         entries.push(entry(section, "dead_time_s", value, was(dead), remark));
     }
     let (lag, old_lag) = (&found.loops.report_lag_s, told.map_or(0.0, |told| told.report_lag_s));
-    if lag.half_width.is_finite() && (lag.value > 0.0 || old_lag > 0.0) {
+    if REPORT_LAG.tells(lag) && (lag.value > 0.0 || old_lag > 0.0) {
         entries.push(of_one(section, "report_lag_s", "s", lag, old_lag));
     }
     entries
@@ -132,22 +147,28 @@ fn of_cycle(found: &Found, config: &Config) -> Vec<Entry> {
     entries
 }
 
+/// A list of `[wrench]` with a value for each axis; axes that are not told keep theirs.
+fn of_axes(key: &'static str, found: &[Option<Estimate>], was: &[f64], unit: &str) -> Option<Entry> {
+    if found.iter().all(Option::is_none) {
+        return None;
+    }
+    let value = |(found, was): (&Option<Estimate>, &f64)| found.as_ref().map_or_else(|| format!("{was:?}"), number);
+    let width = |found: &Option<Estimate>| found.as_ref().map_or_else(|| "as it was".to_owned(), half_width);
+    let remark = format!("95 %: +- {} {unit}", list(found.iter().map(width)));
+    Some(entry("wrench", key, list(found.iter().zip(was).map(value)), format!("{was:?}"), remark))
+}
+
 fn of_wrench(found: &Found, config: &Config) -> Vec<Entry> {
     let mut entries = Vec::new();
     if let Some(tool) = &found.tool {
-        if tool.is_told && tool.mass_kg.is_there() {
-            entries.push(of_one("wrench", "tool_mass_kg", "kg", &tool.mass_kg, config.wrench.tool_mass_kg));
+        let wrench = &config.wrench;
+        if let Some(mass) = tool.mass_kg.as_ref().filter(|mass| mass.is_there()) {
+            entries.push(of_one("wrench", "tool_mass_kg", "kg", mass, wrench.tool_mass_kg));
         }
-        if let Some(center) = tool.center_of_gravity_m.as_ref().filter(|_| tool.is_told) {
-            let was = format!("{:?}", config.wrench.tool_center_of_gravity_m);
-            let remark = interval(center.iter().copied(), "m");
-            entries.push(entry("wrench", "tool_center_of_gravity_m", list(center.iter().map(number)), was, remark));
-        }
-        if tool.is_told {
-            let was = format!("{:?}", config.wrench.bias);
-            let remark = interval(tool.bias.iter().copied(), "N, N m; `admittancectl tare` finds it as well");
-            entries.push(entry("wrench", "bias", list(tool.bias.iter().map(number)), was, remark));
-        }
+        let center = tool.center_of_gravity_m.as_ref().map_or(&[][..], |center| &center[..]);
+        entries.extend(of_axes("tool_center_of_gravity_m", center, &wrench.tool_center_of_gravity_m, "m"));
+        let unit = "N, N m; `admittancectl tare` finds it as well";
+        entries.extend(of_axes("bias", &tool.bias, &wrench.bias, unit));
         if tool.noise_n.value > 1e-3 {
             entries.push(of_one(
                 "environment",
@@ -218,5 +239,7 @@ mod tests {
         {
             assert_eq!(number(&Estimate::new(value, half_width)), expected);
         }
+        let endless = Estimate::new(1.234567, f64::INFINITY);
+        assert_eq!((number(&endless).as_str(), half_width(&endless).as_str()), ("1.2346", "unknown"));
     }
 }

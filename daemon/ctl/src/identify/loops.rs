@@ -4,8 +4,9 @@
 use serde::Serialize;
 
 use super::estimate::Estimate;
+use super::joint_fit::{JointFit, LAG, Sizes};
 use super::joint_loop::{Loop, Moving};
-use super::least_squares::{Fit, MOST_INFLATION, Problem, mean_square};
+use super::least_squares::mean_square;
 use super::reference::References;
 use super::track::Track;
 
@@ -61,27 +62,6 @@ pub(super) struct FoundLoops {
     pub(super) report_lag_s: Estimate,
 }
 
-/// Expected sizes of the residuals of velocity and of position per cycle, rad/s.
-#[derive(Clone, Copy)]
-struct Sizes {
-    velocity: f64,
-    position: f64,
-}
-
-/// A fit of one joint, whatever its parameters.
-#[derive(Clone)]
-struct JointFit {
-    model: Loop,
-    /// Of time constant, dead time, damping and report lag.
-    half_width: [f64; 4],
-    is_told: bool,
-    akaike: f64,
-    mean_square: f64,
-    effective: f64,
-    /// What an error of the report lag does to time constant and dead time, if it was free.
-    by_lag: [f64; 2],
-}
-
 impl Evidence<'_> {
     /// The motion of a joint, by the samples of each track.
     pub(super) fn follow(&self, model: &Loop, joint: usize) -> Vec<Vec<Moving>> {
@@ -93,7 +73,7 @@ impl Evidence<'_> {
     }
 
     /// Residuals of velocity, then of position per cycle, in rad/s.
-    fn residuals(&self, model: &Loop, joint: usize) -> [Vec<f64>; 2] {
+    pub(super) fn residuals(&self, model: &Loop, joint: usize) -> [Vec<f64>; 2] {
         let mut all = [Vec::new(), Vec::new()];
         for ((track, used), moved) in self.tracks.iter().zip(self.used).zip(self.follow(model, joint)) {
             for sample in (1..track.len()).filter(|sample| used[*sample]) {
@@ -104,12 +84,6 @@ impl Evidence<'_> {
             }
         }
         all
-    }
-
-    fn sized(&self, model: &Loop, joint: usize, sizes: Sizes) -> Vec<f64> {
-        let [velocity, position] = self.residuals(model, joint);
-        let velocity = velocity.into_iter().map(|residual| residual / sizes.velocity);
-        velocity.chain(position.into_iter().map(|residual| residual / sizes.position)).collect()
     }
 
     fn blocks(&self) -> Vec<usize> {
@@ -144,14 +118,32 @@ impl Evidence<'_> {
         let known = if lag.is_there() && lag.value > LEAST_LAG_S { lag.value } else { 0.0 };
         let joints = first.iter().enumerate().map(|(joint, (fit, sizes))| {
             let start = Loop { report_lag_s: known, ..fit.model };
-            let again = if fit.model.damping > 0.0 {
-                self.fit::<3>(joint, start, *sizes, &blocks)
-            } else {
-                self.fit::<2>(joint, start, *sizes, &blocks)
-            };
-            self.found(joint, &again, fit, &lag)
+            self.found(joint, &self.again(joint, start, *sizes, &blocks), fit, &lag)
         });
         FoundLoops { joints: joints.collect(), report_lag_s: Estimate { value: known, ..lag } }
+    }
+
+    /// With the lag of the report as it is known. Before its reference nothing follows: where the dead
+    /// time would be negative it is zero, and the others are fitted beside that.
+    fn again(&self, joint: usize, start: Loop, sizes: Sizes, blocks: &[usize]) -> JointFit {
+        let is_second = start.damping > 0.0;
+        let free = if is_second {
+            self.fit(joint, start, sizes, blocks, [0, 1, 2])
+        } else {
+            self.fit(joint, start, sizes, blocks, [0, 1])
+        };
+        if free.model.dead_time_s >= 0.0 {
+            return free;
+        }
+        let start = Loop { dead_time_s: 0.0, ..free.model };
+        let mut held = if is_second {
+            self.fit(joint, start, sizes, blocks, [0, 2])
+        } else {
+            self.fit(joint, start, sizes, blocks, [0])
+        };
+        held.half_width[1] = free.half_width[1];
+        held.is_told &= free.is_told;
+        held
     }
 
     /// With a lag of the report of its own, and the better of both orders.
@@ -168,15 +160,15 @@ impl Evidence<'_> {
         let start = models.map(|model| (badness(&model), model)).min_by(|a, b| a.0.total_cmp(&b.0));
         let start =
             start.map_or(Loop { time_constant_s: 0.01, damping: 0.0, dead_time_s: 0.0, report_lag_s: 0.0 }, |s| s.1);
-        let rough = self.fit::<3>(joint, Loop { report_lag_s: 5e-4, ..start }, even, blocks);
+        let rough = self.fit(joint, Loop { report_lag_s: 5e-4, ..start }, even, blocks, [0, 1, LAG]);
         // Rounding leaves this much of an exact fit.
         let least = 1e-7 * self.range(joint).max(1e-3);
         let [velocity, position] = self.residuals(&rough.model, joint).map(|all| mean_square(&all).sqrt().max(least));
         let sizes = Sizes { velocity, position };
-        let plain = self.fit::<3>(joint, rough.model, sizes, blocks);
+        let plain = self.fit(joint, rough.model, sizes, blocks, [0, 1, LAG]);
         let second = DAMPINGS
             .into_iter()
-            .map(|damping| self.fit::<4>(joint, Loop { damping, ..plain.model }, sizes, blocks))
+            .map(|damping| self.fit(joint, Loop { damping, ..plain.model }, sizes, blocks, [0, 1, 2, LAG]))
             .min_by(|a, b| a.mean_square.total_cmp(&b.mean_square));
         let Some(second) = second else { return (plain, sizes) };
         let effective = plain.effective.min(second.effective);
@@ -188,57 +180,6 @@ impl Evidence<'_> {
         (JointFit { akaike: gain, ..if is_better { second } else { plain } }, sizes)
     }
 
-    /// A fit from a start: of time constant and dead time (2), with damping or the report's lag (3),
-    /// with both (4). A start of second order has damping.
-    fn fit<const K: usize>(&self, joint: usize, start: Loop, sizes: Sizes, blocks: &[usize]) -> JointFit {
-        let has_damping = start.damping > 0.0 && K > 2;
-        let has_lag = K == 4 || (K == 3 && !has_damping);
-        let of = |values: &[f64; K]| Loop {
-            time_constant_s: values[0],
-            dead_time_s: values[1],
-            damping: if has_damping { values[2] } else { start.damping },
-            report_lag_s: if has_lag { values[K - 1] } else { start.report_lag_s },
-        };
-        // Time constant, dead time, damping, report lag: value, probe, least, most.
-        let rows = [
-            [start.time_constant_s, 1e-4 * start.time_constant_s, 3e-4, 0.5],
-            [start.dead_time_s, 2e-6, -0.005, 0.1],
-            [start.damping, 1e-4, 0.1, 5.0],
-            [start.report_lag_s, 2e-6, 0.0, 0.1],
-        ];
-        let row = |k: usize| match k {
-            0 | 1 => k,
-            _ if has_damping && k == 2 => 2,
-            _ => 3,
-        };
-        let problem = Problem {
-            start: std::array::from_fn(|k| rows[row(k)][0]),
-            probe: std::array::from_fn(|k| rows[row(k)][1]),
-            least: std::array::from_fn(|k| rows[row(k)][2]),
-            most: std::array::from_fn(|k| rows[row(k)][3]),
-            residuals: &|values: &[f64; K]| self.sized(&of(values), joint, sizes),
-            blocks,
-        };
-        let fit: Fit<K> = problem.solve();
-        let mut half_width = [0.0; 4];
-        (0..K).for_each(|k| half_width[row(k)] = fit.half_width[k]);
-        let lag_variance = fit.inverse[(K - 1, K - 1)];
-        let by_lag = if has_lag && lag_variance > 0.0 {
-            [0, 1].map(|k| fit.inverse[(k, K - 1)] / lag_variance)
-        } else {
-            [0.0; 2]
-        };
-        JointFit {
-            model: of(&fit.values),
-            half_width,
-            is_told: fit.inflation.iter().all(|inflation| *inflation < MOST_INFLATION),
-            akaike: fit.akaike(fit.effective),
-            mean_square: fit.mean_square(),
-            effective: fit.effective,
-            by_lag,
-        }
-    }
-
     fn found(&self, joint: usize, fit: &JointFit, first: &JointFit, lag: &Estimate) -> FoundLoop {
         let model = fit.model;
         let by_lag = |k: usize| if lag.half_width.is_finite() { first.by_lag[k] * lag.half_width } else { 0.0 };
@@ -246,9 +187,7 @@ impl Evidence<'_> {
             .doubted(FINEST * model.time_constant_s)
             .doubted(FINEST_S)
             .doubted(by_lag(0));
-        // Before its reference nothing follows.
-        let dead_time_s =
-            Estimate::new(model.dead_time_s.max(0.0), fit.half_width[1]).doubted(FINEST_S).doubted(by_lag(1));
+        let dead_time_s = Estimate::new(model.dead_time_s, fit.half_width[1]).doubted(FINEST_S).doubted(by_lag(1));
         let damping = (model.damping > 0.0).then(|| Estimate::new(model.damping, fit.half_width[2]).doubted(FINEST));
         let residuals = self.residuals(&model, joint);
         FoundLoop {
@@ -259,7 +198,7 @@ impl Evidence<'_> {
             residual_rad_s: mean_square(&residuals[0]).sqrt(),
             range_rad_s: self.range(joint),
             second_order_gain: first.akaike,
-            model: Loop { dead_time_s: model.dead_time_s.max(0.0), ..model },
+            model,
         }
     }
 }

@@ -2,7 +2,7 @@
 //! it touched, as keys of the configuration.
 //!
 //! [`track`] is the motion of a recording, [`reference`](mod@reference) what the joints were given,
-//! [`joint_loop`] how one follows; [`loops`], [`delay`], [`tool`] and [`touch`] fit that by
+//! [`joint_loop`] how one follows, [`joint_fit`] fits it; [`loops`], [`delay`], [`tool`] and [`touch`] fit that by
 //! [`least_squares`], [`found`] in their order. [`fragment`], [`text`] and [`page`] say what came of it.
 
 mod arm;
@@ -11,19 +11,23 @@ mod delay;
 mod estimate;
 mod found;
 mod fragment;
+mod joint_fit;
 mod joint_loop;
 mod lag;
 mod least_squares;
 mod loops;
 mod page;
 mod reference;
+mod same;
 mod text;
+mod told;
 mod toml_text;
 mod tool;
 mod touch;
 mod track;
 mod unknown;
 mod way;
+mod written;
 
 use std::path::{Path, PathBuf};
 
@@ -33,6 +37,7 @@ use arm::{Arm, arm};
 use found::{Case, Found};
 use serde::Serialize;
 use track::{Track, tracks};
+use written::NewFile;
 
 use crate::recording::Recording;
 use crate::{Exit, Outcome};
@@ -40,9 +45,10 @@ use crate::{Exit, Outcome};
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Wanted is free motion in which every joint changes its speed a dozen times, rests with the tool turned \
-    about two axes, and a touch under control: plant-sim/scenarios/identify.toml shows one. All recordings are of one arm with \
+    about two axes, and a touch under control: plant-sim/scenarios/identify-free.toml and identify-touch.toml show them. All recordings are of one arm with \
     one tool; old values are those of the first one's configuration.\n\nExit codes: 0 done, 64 usage, 65 no recording, a \
-    damaged one, or one without motion, 66 no such file, 73 a file cannot be created, 78 configuration.\n\nExamples:\n  \
+    damaged one, one without motion, of another arm, or given twice, 66 no such file, 73 a file cannot be created or is there \
+    already, 74 writing failed, 78 configuration.\n\nExamples:\n  \
     admittancectl identify free.mcap touch.mcap\n  admittancectl identify cell.mcap --directory identified --write cell-new.toml\n  \
     admittancectl identify cell.mcap --check fresh.mcap"
 )]
@@ -50,10 +56,11 @@ pub(crate) struct Args {
     /// What admittancectl record wrote.
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
-    /// Also a page with measured and fitted curves, in this directory.
+    /// Also a page with measured and fitted curves, in this directory: a new one, or one without an
+    /// index.html; one of an earlier identify is replaced.
     #[arg(long, value_name = "DIRECTORY")]
     directory: Option<PathBuf>,
-    /// Also the recorded configuration with what was found, into this file.
+    /// Also the recorded configuration with what was found, into this file, which must not exist yet.
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
     /// A recording that the fit does not see: how well what was found, and what was configured,
@@ -79,25 +86,20 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
     let (first, config, configured) = opened(&args.recordings[0])?;
     let arm =
         arm(&config.robot).ok_or_else(|| (Exit::Config, "robot: an arm that no program here knows".to_owned()))?;
-    let mut all = tracks(&first, &config, arm.as_ref())?;
+    let mut all = moving(&args.recordings[0], tracks(&args.recordings[0], &first, &config, arm.as_ref())?)?;
     for path in &args.recordings[1..] {
-        all.extend(more(path, &config, arm.as_ref())?);
+        let new = more(path, &config, arm.as_ref(), &all)?;
+        all.extend(new);
     }
-    if all.is_empty() {
-        let why = "no motion in it: accepted is 0.2 s in a row or more with drives enabled";
-        return Err((Exit::DataError, format!("{}: {why}", args.recordings[0].display())));
-    }
+    let fresh = args.check.as_deref().map(|path| more(path, &config, arm.as_ref(), &all)).transpose()?;
+    // What cannot be written is said before the fit, which takes a while.
+    let new = args.write.as_deref().map(NewFile::begin).transpose()?;
+    args.directory.as_deref().map(written::directory).transpose()?;
     let mut case = Case::new(&config, arm.as_ref(), all);
     let found = case.found();
     let (entries, changed) = fragment::entries(&found, &config, &configured);
     let fragment = fragment::text(&entries);
-    let predicted = match &args.check {
-        Some(path) => {
-            let fresh = Case::new(&config, arm.as_ref(), more(path, &config, arm.as_ref())?);
-            Some(check::predicted(fresh, &found))
-        }
-        None => None,
-    };
+    let predicted = fresh.map(|fresh| check::predicted(Case::new(&config, arm.as_ref(), fresh), &found));
     if args.json {
         let printed = Printed { found: &found, fragment: &fragment, check: predicted.as_deref() };
         let json = serde_json::to_string_pretty(&printed).map_err(|error| (Exit::Internal, error.to_string()))?;
@@ -106,14 +108,13 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
         println!("{}", text::text(&found, &fragment).trim_end());
         predicted.iter().flatten().for_each(|joint| println!("{joint}"));
     }
-    let failed = |path: &Path, error: std::io::Error| (Exit::CantCreate, format!("{}: {error}", path.display()));
-    if let Some(path) = &args.write {
-        std::fs::write(path, changed).map_err(|error| failed(path, error))?;
+    if let Some(new) = new {
+        new.finish(&changed)?;
     }
     if let Some(directory) = &args.directory {
         let files: Vec<String> = args.recordings.iter().map(|path| path.display().to_string()).collect();
         page::write(directory, &files.join(", "), &case, &found, &fragment)
-            .map_err(|error| failed(directory, error))?;
+            .map_err(|error| (Exit::IoError, format!("--directory {}: {error}", directory.display())))?;
         eprintln!("page: {}", directory.join("index.html").display());
     }
     Ok(Exit::Ok)
@@ -129,18 +130,21 @@ fn opened(path: &Path) -> Outcome<(Recording, Config, String)> {
     Ok((recording, config, text))
 }
 
-/// The motion of another recording of the same arm.
-fn more(path: &Path, config: &Config, arm: &dyn Arm) -> Outcome<Vec<Track>> {
+/// The motion of another recording of the same arm, of which nothing was read yet.
+fn more(path: &Path, config: &Config, arm: &dyn Arm, read: &[Track]) -> Outcome<Vec<Track>> {
     let (recording, own, _) = opened(path)?;
-    let (found, accepted) = (own.robot.joint.len(), config.robot.joint.len());
-    if found != accepted || own.control.sampling_time_s != config.control.sampling_time_s {
-        let text = format!(
-            "{}: {found} joints at {} s: accepted with the first recording are {accepted} joints at {} s",
-            path.display(),
-            own.control.sampling_time_s,
-            config.control.sampling_time_s
-        );
-        return Err((Exit::DataError, text));
+    let refused = |why: String| (Exit::DataError, why);
+    same::check_arm(path, config, &own).map_err(refused)?;
+    let new = moving(path, tracks(path, &recording, config, arm)?)?;
+    same::check_new(path, read, &new).map_err(refused)?;
+    Ok(new)
+}
+
+/// The same, where it is any.
+fn moving(path: &Path, tracks: Vec<Track>) -> Outcome<Vec<Track>> {
+    if tracks.is_empty() {
+        let why = "no motion in it: accepted is 0.2 s in a row or more with drives enabled";
+        return Err((Exit::DataError, format!("{}: {why}", path.display())));
     }
-    tracks(&recording, config, arm)
+    Ok(tracks)
 }

@@ -12,6 +12,9 @@ use crate::report::{STYLES, TAIL, figure, head, range, roomy, table};
 /// What is drawn of a motion, s: the part in which a joint changes its speed the most.
 const SHOWN_S: f64 = 1.0;
 
+/// By this a page of identify is known.
+pub(super) const TITLE: &str = "admittanced: identified";
+
 /// A curve as it was measured, and as it is fitted.
 struct Curves {
     caption: String,
@@ -20,10 +23,9 @@ struct Curves {
     fitted: Vec<(f64, f64)>,
 }
 
-/// Writes index.html and its figures.
+/// Writes index.html and its figures into a directory that is there.
 pub(super) fn write(directory: &Path, files: &str, case: &Case<'_>, found: &Found, fragment: &str) -> io::Result<()> {
-    fs::create_dir_all(directory)?;
-    let mut html = head("admittanced: identified");
+    let mut html = head(TITLE);
     html += &format!("<h1>{}</h1>\n<p>Identified from {}</p>\n", escape(&case.config.robot.name), escape(files));
     html += &table(&JOINT_HEADER, joints(found).into_iter());
     html += &format!("<p>{}</p>\n", escape(ORDER));

@@ -4,12 +4,12 @@ use std::fmt::Write as _;
 
 use super::estimate::Estimate;
 use super::found::Found;
-use super::fragment::number;
+use super::fragment::{half_width, number};
+use super::told::{JOINT_DEAD_TIME, REPORT_LAG};
 
-fn with_interval(estimate: &Estimate, factor: f64, unit: &str) -> String {
+pub(super) fn with_interval(estimate: &Estimate, factor: f64, unit: &str) -> String {
     let scaled = Estimate::new(estimate.value * factor, estimate.half_width * factor);
-    let width = Estimate::new(scaled.half_width, scaled.half_width);
-    format!("{} +- {} {unit}", number(&scaled), number(&width))
+    format!("{} +- {} {unit}", number(&scaled), half_width(&scaled))
 }
 
 /// Name and value of all that is no joint's.
@@ -17,7 +17,7 @@ pub(super) fn rows(found: &Found) -> Vec<(String, String)> {
     let mut rows = Vec::new();
     let mut add = |name: &str, value: String| rows.push((name.to_owned(), value));
     let loops = &found.loops;
-    if loops.report_lag_s.half_width.is_finite() {
+    if REPORT_LAG.tells(&loops.report_lag_s) {
         add("lag of the reported velocities", with_interval(&loops.report_lag_s, 1e3, "ms"));
     }
     match (&found.command_delay_s, found.command_delay_between_s) {
@@ -31,9 +31,13 @@ pub(super) fn rows(found: &Found) -> Vec<(String, String)> {
         (None, None) => {}
     }
     if let Some(tool) = &found.tool {
-        add("mass of the tool", with_interval(&tool.mass_kg, 1.0, "kg"));
+        if let Some(mass) = &tool.mass_kg {
+            add("mass of the tool", with_interval(mass, 1.0, "kg"));
+        }
         for (axis, of) in ["x", "y", "z"].iter().zip(tool.center_of_gravity_m.iter().flatten()) {
-            add(&format!("centre of gravity, {axis}"), with_interval(of, 1e3, "mm"));
+            if let Some(of) = of {
+                add(&format!("centre of gravity, {axis}"), with_interval(of, 1e3, "mm"));
+            }
         }
         add("noise of the wrench, x y z", with_interval(&tool.noise_n, 1.0, "N"));
     }
@@ -49,6 +53,9 @@ pub(super) fn rows(found: &Found) -> Vec<(String, String)> {
     for (number, touch) in found.touches.iter().enumerate() {
         let rms = format!("{:.2} N RMS of {:.0} N", touch.residual_n, touch.peak_n);
         add(&format!("touch {number}: left by the fit"), rms);
+    }
+    if found.saturated_samples > 0 {
+        add("samples at the end of the sensor's range, left out", found.saturated_samples.to_string());
     }
     if let Some(lag_s) = found.lag_tolerance_s {
         add("lag that nothing explains", format!("{:.2} ms", lag_s * 1e3));
@@ -69,7 +76,11 @@ pub(super) fn joints(found: &Found) -> Vec<Vec<String>> {
             told(if joint.damping.is_some() { "second".to_owned() } else { "first".to_owned() }),
             told(with_interval(&joint.time_constant_s, 1e3, "ms")),
             joint.damping.as_ref().map_or_else(String::new, |damping| with_interval(damping, 1.0, "")),
-            told(with_interval(&joint.dead_time_s, 1e3, "ms")),
+            if JOINT_DEAD_TIME.tells(&joint.dead_time_s) {
+                told(with_interval(&joint.dead_time_s, 1e3, "ms"))
+            } else {
+                "not told".to_owned()
+            },
             format!("{:.1e} rad/s RMS, {share:.2} % of its range", joint.residual_rad_s),
         ]
     };

@@ -6,7 +6,6 @@ use admittance_core::quantities::GivenWrench;
 use admittance_runner::config::{Config, WrenchSection};
 use admittance_runner::parameters::conditioning;
 use nalgebra::{Matrix3, Vector3, Vector6};
-use serde::Serialize;
 
 use super::estimate::Estimate;
 use super::least_squares::{Fit, MOST_INFLATION, Problem, correlation_time, mean_square, student};
@@ -32,7 +31,7 @@ pub(super) struct Filter {
     pub(super) dead_time_s: f64,
 }
 
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone)]
 pub(super) struct FoundTool {
     pub(super) mass_kg: Estimate,
     /// In the frame of the TCP; none where there is no mass for certain.
@@ -42,7 +41,6 @@ pub(super) struct FoundTool {
     pub(super) is_told: bool,
     /// Standard deviation on one axis of x y z, N.
     pub(super) noise_n: Estimate,
-    #[serde(skip)]
     values: [f64; PARAMETERS],
 }
 

@@ -12,6 +12,7 @@ use super::way::Instant;
 /// Stiffness (N/m), depth at which the surface begins (m), time constant and dead time of the wrench
 /// (s), and what the wrench shows without a touch (N).
 const PARAMETERS: usize = 5;
+const DEAD_TIME: usize = 3;
 /// How long before its first force, and after its last one, a touch is looked at, s.
 pub(super) const AROUND_S: f64 = 0.08;
 /// As far apart two touches are two, s.
@@ -21,6 +22,9 @@ const LEAST_FORCE_N: f64 = 1.0;
 const DEVIATIONS: f64 = 6.0;
 /// A touch that is shorter tells nothing, samples.
 const SHORTEST: usize = 8;
+/// So long before its first force the arm has to be free, s: how deep it was pressing when a recording
+/// began, nobody knows.
+const LEAST_FREE_S: f64 = 0.02;
 /// Where the search begins, s.
 const TIME_CONSTANTS_S: [f64; 4] = [0.001, 0.006, 0.02, 0.06];
 const DEAD_TIMES_S: [f64; 3] = [0.0, 0.002, 0.006];
@@ -70,6 +74,11 @@ pub(super) fn touches(track: usize, time_s: &[f64], pressing: &[f64], noise_n: f
     }
     touches.retain(|touch| touch.samples.len() >= SHORTEST);
     touches
+}
+
+/// Whether its beginning is in the track.
+pub(super) fn is_whole(touch: &Touch, time_s: &[f64]) -> bool {
+    time_s[touch.samples.start] - time_s[0] >= LEAST_FREE_S
 }
 
 /// The samples that are looked at.
@@ -140,21 +149,22 @@ pub(super) fn touch(way: &[Instant], pressing: &[f64], normal: &Vector3<f64>) ->
     let fits = starts.into_iter().take(FITS).map(|(_, start)| {
         let problem = Problem {
             start,
-            probe: [1e-4 * stiffness, 1e-8, 2e-6, 2e-6, 1e-3],
-            least: [100.0, begins_m - 0.05, 0.0, -0.005, -20.0],
-            most: [1e8, begins_m + 0.05, 0.5, 0.1, 20.0],
+            probe: probe(stiffness),
+            least: bounds(begins_m)[0],
+            most: bounds(begins_m)[1],
             residuals: &residuals,
             blocks: &blocks,
         };
         problem.solve()
     });
     let fit: Fit<PARAMETERS> = fits.min_by(|a, b| a.mean_square().total_cmp(&b.mean_square()))?;
+    let fit = if fit.values[DEAD_TIME] < 0.0 { without_dead_time(&fit, begins_m, &residuals, &blocks) } else { fit };
     let of = |k: usize, finest: f64| Estimate::new(fit.values[k], fit.half_width[k]).doubted(finest);
     let fitted = shown(way, &depths, &fit.values);
     Some(FoundTouch {
         stiffness_n_m: of(0, FINEST * fit.values[0]),
         time_constant_s: of(2, FINEST_S),
-        dead_time_s: Estimate { value: fit.values[3].max(0.0), ..of(3, FINEST_S) },
+        dead_time_s: of(DEAD_TIME, FINEST_S),
         residual_n: mean_square(&fit.residuals).sqrt(),
         peak_n: peak,
         is_told: fit.inflation[0] < MOST_INFLATION && fit.half_width[0] < 0.25 * fit.values[0],
@@ -165,6 +175,45 @@ pub(super) fn touch(way: &[Instant], pressing: &[f64], normal: &Vector3<f64>) ->
             .map(|((at, measured), fitted)| (at.0, *measured, *fitted))
             .collect(),
     })
+}
+
+/// The same beside a dead time of zero: no force is shown before it is there.
+fn without_dead_time(
+    free: &Fit<PARAMETERS>,
+    begins_m: f64,
+    residuals: &dyn Fn(&[f64; PARAMETERS]) -> Vec<f64>,
+    blocks: &[usize],
+) -> Fit<PARAMETERS> {
+    const KEPT: [usize; 4] = [0, 1, 2, 4];
+    let all = |kept: &[f64; 4]| {
+        let mut all = [0.0; PARAMETERS];
+        KEPT.iter().zip(kept).for_each(|(parameter, value)| all[*parameter] = *value);
+        all
+    };
+    let held = Problem {
+        start: KEPT.map(|k| free.values[k]),
+        probe: KEPT.map(|k| probe(free.values[0])[k]),
+        least: KEPT.map(|k| bounds(begins_m)[0][k]),
+        most: KEPT.map(|k| bounds(begins_m)[1][k]),
+        residuals: &|kept: &[f64; 4]| residuals(&all(kept)),
+        blocks,
+    };
+    let held = held.solve();
+    let mut fit = Fit { values: all(&held.values), residuals: held.residuals, ..free.clone() };
+    for (k, parameter) in KEPT.into_iter().enumerate() {
+        fit.half_width[parameter] = held.half_width[k];
+    }
+    fit
+}
+
+/// By how much the parameters are moved to see what they do.
+fn probe(stiffness: f64) -> [f64; PARAMETERS] {
+    [1e-4 * stiffness, 1e-8, 2e-6, 2e-6, 1e-3]
+}
+
+/// Least and most of the parameters, for a surface that begins about there.
+fn bounds(begins_m: f64) -> [[f64; PARAMETERS]; 2] {
+    [[100.0, begins_m - 0.05, 0.0, -0.005, -20.0], [1e8, begins_m + 0.05, 0.5, 0.1, 20.0]]
 }
 
 /// Stiffness (N/m) and depth of the surface (m) by the line of force over depth, of what presses
@@ -181,4 +230,20 @@ fn guess(times: &[(f64, f64)], pressing: &[f64], peak: f64) -> Option<(f64, f64)
     let slope = product / square;
     let stiffness = if slope.is_finite() { slope.clamp(1e3, 1e7) } else { 1e5 };
     Some((stiffness, depth - force / stiffness))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_touch_that_a_recording_begins_in_is_not_whole() {
+        let time_s: Vec<f64> = (0..400).map(|sample| f64::from(sample) * 0.001).collect();
+        let mut pressing = vec![0.0; 400];
+        pressing[..50].fill(30.0);
+        pressing[200..260].fill(30.0);
+        let touches = touches(0, &time_s, &pressing, 0.3);
+        let whole: Vec<bool> = touches.iter().map(|touch| is_whole(touch, &time_s)).collect();
+        assert_eq!(whole, [false, true]);
+    }
 }

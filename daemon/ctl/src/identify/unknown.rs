@@ -1,13 +1,14 @@
 //! What a recording cannot tell, and what motion would.
 
 use admittance_core::quantities::AXIS_NAMES;
-use admittance_runner::config::{Config, GivenInName};
+use admittance_runner::config::Config;
 use serde::Serialize;
 
 use super::found::Found;
+use super::told::{COMMAND_DELAY, Quantity, REPORT_LAG, STIFFNESS, WRENCH_DEAD_TIME, WRENCH_LAG};
 
 /// A joint has to reach this speed to show its loop, rad/s.
-const LEAST_SPEED_RAD_S: f64 = 0.02;
+pub(super) const LEAST_SPEED_RAD_S: f64 = 0.02;
 /// An axis whose part of the normal is smaller felt too little.
 pub(super) const LEAST_NORMAL: f64 = 0.1;
 
@@ -25,9 +26,10 @@ pub(super) fn loaded(config: &Config, axis: usize) -> bool {
     axis < 3 && normal[axis].abs() > LEAST_NORMAL
 }
 
-/// All of it.
+/// All of it, with what was noted already.
 pub(super) fn unknown(config: &Config, found: &Found) -> Vec<Unknown> {
-    let mut all = Vec::new();
+    let is_noted = |what: &Quantity| found.unknown.iter().any(|noted| noted.what == what.what);
+    let mut all = found.unknown.clone();
     let mut say = |what: String, why: &str, motion: &str| {
         all.push(Unknown { what, why: why.to_owned(), motion: motion.to_owned() });
     };
@@ -41,33 +43,23 @@ pub(super) fn unknown(config: &Config, found: &Found) -> Vec<Unknown> {
         say(format!("joint {number}: time constant, dead time and order"), why, motion);
     }
     if !found.loops.report_lag_s.half_width.is_finite() {
-        say("the lag of the reported joint velocities".to_owned(), "no joint shows it", "the same");
+        say(REPORT_LAG.what.to_owned(), "no joint shows it", "the same");
     }
-    if found.command_delay_s.is_none() {
+    if found.command_delay_s.is_none() && !is_noted(&COMMAND_DELAY) {
         let why = "in free motion the daemon adds no offset, and only an offset acts late; what delays the twist reference is in \
                    the joints' dead time";
-        say("the command delay".to_owned(), why, "a touch under control");
+        say(COMMAND_DELAY.what.to_owned(), why, "a touch under control");
     }
-    if found.tool.as_ref().is_none_or(|tool| !tool.is_told) {
-        let (why, motion) = if config.wrench.given_in == GivenInName::Base {
-            (
-                "the wrench is given in the base frame, where a bias looks like a weight; quick starts and stops tell them apart",
-                "starts and stops of the tool at 1 m/s^2 or more",
-            )
+    let is_noted = is_noted(&STIFFNESS) || is_noted(&WRENCH_LAG) || is_noted(&WRENCH_DEAD_TIME);
+    if found.stiffness_n_m.is_none() && !is_noted {
+        let why = if found.touches.is_empty() {
+            "nothing was touched, or a recording begins in the touch"
         } else {
-            (
-                "its weight and a bias look the same in one orientation",
-                "rests of half a second with the tool turned by 30 degrees or more about two axes",
-            )
+            "the touches are too short or too soft"
         };
-        say("mass and centre of gravity of the tool".to_owned(), why, motion);
-    }
-    if found.stiffness_n_m.is_none() {
-        let why =
-            if found.touches.is_empty() { "nothing was touched" } else { "the touches are too short or too soft" };
         let motion = "a touch of half a second with 20 N or more, and ten times the noise";
         say("stiffness, and lag and dead time of the wrench".to_owned(), why, motion);
-    } else {
+    } else if found.wrench_time_constant_s.is_some() {
         let axes = (0..config.robot.task_axes as usize).filter(|axis| !loaded(config, *axis));
         let names: Vec<&str> = axes.map(|axis| AXIS_NAMES[axis]).collect();
         if !names.is_empty() {
