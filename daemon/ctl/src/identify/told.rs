@@ -37,7 +37,7 @@ pub(super) const STIFFNESS: Quantity =
     Quantity { what: "the stiffness", narrow: 0.0, factor: 1e-3, unit: "N/mm", motion: HARD };
 const CENTER: Quantity = Quantity {
     what: "the centre of gravity of the tool",
-    narrow: 0.005,
+    narrow: 0.01,
     factor: 1e3,
     unit: "mm",
     motion: "rests of half a second with the tool turned by 30 degrees or more about two axes",
