@@ -138,6 +138,23 @@ fn check_arm(robot: &RobotDescription, path: &str, errors: &mut Vec<ConfigError>
 }
 
 impl RobotDescription {
+    /// Damping of a joint's loop of second order; 0 of one of first order.
+    pub fn damping(&self, joint: usize) -> f64 {
+        let told = self.velocity_loop.as_ref().and_then(|told| told.damping.as_ref());
+        told.map_or(0.0, |damping| damping[joint])
+    }
+
+    /// Dead time of a joint's loop, s.
+    pub fn dead_time_s(&self, joint: usize) -> f64 {
+        let told = self.velocity_loop.as_ref().and_then(|told| told.dead_time_s.as_ref());
+        told.map_or(0.0, |dead_time_s| dead_time_s[joint])
+    }
+
+    /// Lag with which the joint velocities are reported, s.
+    pub fn report_lag_s(&self) -> f64 {
+        self.velocity_loop.as_ref().map_or(0.0, |told| told.report_lag_s)
+    }
+
     /// The speed loops; `None` when the description has another number of joints than N.
     pub fn velocity_loops<const N: usize>(&self) -> Option<VelocityLoops<N>> {
         let joints = |values: &[f64]| <[f64; N]>::try_from(values).ok();

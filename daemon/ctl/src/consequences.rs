@@ -162,18 +162,15 @@ fn lateness(config: &Config) -> Option<String> {
 fn belief(config: &Config) -> Vec<String> {
     let (robot, control) = (&config.robot, &config.control);
     let mut lines = Vec::new();
-    let described = robot.velocity_loop.as_ref();
-    let value = |list: Option<&Vec<f64>>, joint: usize| list.map_or(0.0, |list| list[joint]);
     for (joint, lag_s) in robot.velocity_time_constant_s.iter().enumerate() {
-        let damping = value(described.and_then(|it| it.damping.as_ref()), joint);
-        let dead_time_s = value(described.and_then(|it| it.dead_time_s.as_ref()), joint);
+        let (damping, dead_time_s) = (robot.damping(joint), robot.dead_time_s(joint));
         let order = match damping {
             0.0 => format!("of first order, time constant {lag_s} s"),
             _ => format!("of second order, {:.1} rad/s at -3 dB, damping {}", 1.0 / lag_s, short(damping)),
         };
         lines.push(format!("joint {joint}: speed loop {order}, dead time {dead_time_s} s"));
     }
-    lines.push(match described.map_or(0.0, |it| it.report_lag_s) {
+    lines.push(match robot.report_lag_s() {
         0.0 => "joint velocities: as reported".to_owned(),
         lag_s => format!("joint velocities: reported with a lag of {lag_s} s, estimated"),
     });

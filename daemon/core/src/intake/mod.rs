@@ -124,7 +124,10 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         let tool = self.tool.followed(&self.settings, sample, &posture);
         let wrench = conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt());
         sample.check_wrench(&wrench, conditioning.saturated(&sample.wrench))?;
-        let wrench_by_position = conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt_by_position());
+        let wrench_by_position = match conditioning.tool_mass {
+            0.0 => wrench,
+            _ => conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt_by_position()),
+        };
         self.track.follow(sample, joint_speed.as_ref())?;
         self.tool = tool;
         let arrival = self.order.accept(sample, timing);

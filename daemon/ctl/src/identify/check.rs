@@ -22,12 +22,11 @@ pub(super) struct Predicted {
 /// Of all joints; commands are taken to act as was found.
 pub(super) fn predicted(mut case: Case<'_>, found: &Found) -> Vec<Predicted> {
     let robot = &case.config.robot;
-    let told = robot.velocity_loop.as_ref();
     let configured = |joint: usize| Loop {
         time_constant_s: robot.velocity_time_constant_s[joint],
-        damping: told.and_then(|told| told.damping.as_ref()).map_or(0.0, |damping| damping[joint]),
-        dead_time_s: told.and_then(|told| told.dead_time_s.as_ref()).map_or(0.0, |dead| dead[joint]),
-        report_lag_s: told.map_or(0.0, |told| told.report_lag_s),
+        damping: robot.damping(joint),
+        dead_time_s: robot.dead_time_s(joint),
+        report_lag_s: robot.report_lag_s(),
     };
     let configured: Vec<Loop> = (0..robot.joint.len()).map(configured).collect();
     if let Some(delay) = &found.command_delay_s {

@@ -102,32 +102,30 @@ fn of_robot(found: &Found, config: &Config) -> Vec<Entry> {
     let section = "robot.velocity_loop";
     let was = |values: Option<&Vec<f64>>| values.map_or_else(|| "absent".to_owned(), |values| format!("{values:?}"));
     let damping = told.and_then(|told| told.damping.as_ref());
-    let old_damping = |n: usize| damping.map_or(0.0, |values| values[n]);
     let zero = Estimate::new(0.0, 1.0);
     if joints.iter().any(|joint| joint.damping.is_some() && joint.is_told) || damping.is_some() {
         let of = |n: usize| joints[n].damping.unwrap_or(zero);
         let value = |n: usize| {
             // A loop of first order is told by having no damping.
             let is_told = joints[n].damping.as_ref().is_none_or(|damping| DAMPING.tells(damping));
-            if is_told { of_joint(n, &of(n), old_damping(n)) } else { format!("{:?}", old_damping(n)) }
+            if is_told { of_joint(n, &of(n), robot.damping(n)) } else { format!("{:?}", robot.damping(n)) }
         };
         let value = list((0..joints.len()).map(value));
         let remark = interval(joints.iter().filter_map(|joint| joint.damping), "of those of second order");
         entries.push(entry(section, "damping", value, was(damping), remark));
     }
     let dead = told.and_then(|told| told.dead_time_s.as_ref());
-    let old_dead = |n: usize| dead.map_or(0.0, |values| values[n]);
     if joints.iter().any(|joint| joint.is_told && joint.dead_time_s.is_there()) || dead.is_some() {
         let of = |n: usize| if joints[n].dead_time_s.is_there() { joints[n].dead_time_s } else { zero };
         let value = |n: usize| {
             let is_told = JOINT_DEAD_TIME.tells(&joints[n].dead_time_s);
-            if is_told { of_joint(n, &of(n), old_dead(n)) } else { format!("{:?}", old_dead(n)) }
+            if is_told { of_joint(n, &of(n), robot.dead_time_s(n)) } else { format!("{:?}", robot.dead_time_s(n)) }
         };
         let value = list((0..joints.len()).map(value));
         let remark = interval(joints.iter().map(|joint| joint.dead_time_s), "s");
         entries.push(entry(section, "dead_time_s", value, was(dead), remark));
     }
-    let (lag, old_lag) = (&found.loops.report_lag_s, told.map_or(0.0, |told| told.report_lag_s));
+    let (lag, old_lag) = (&found.loops.report_lag_s, robot.report_lag_s());
     if REPORT_LAG.tells(lag) && (lag.value > 0.0 || old_lag > 0.0) {
         entries.push(of_one(section, "report_lag_s", "s", lag, old_lag));
     }

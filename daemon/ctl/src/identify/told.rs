@@ -17,15 +17,17 @@ pub(super) struct Quantity {
     /// From the unit of the key to that which is printed.
     factor: f64,
     unit: &'static str,
-    motion: &'static str,
+    /// What would tell it.
+    pub(super) motion: &'static str,
 }
 
 const fn in_ms(what: &'static str, narrow: f64, motion: &'static str) -> Quantity {
     Quantity { what, narrow, factor: 1e3, unit: "ms", motion }
 }
 
-const LIVELY: &str = "free motion in which every joint changes its speed by 0.1 rad/s or more, a dozen times";
-const HARD: &str = "a touch of half a second with 20 N or more, and ten times the noise";
+pub(super) const LIVELY: &str =
+    "free motion in which every joint changes its speed by 0.1 rad/s or more, a dozen times";
+pub(super) const HARD: &str = "a touch of half a second with 20 N or more, and ten times the noise";
 
 pub(super) const COMMAND_DELAY: Quantity = in_ms("the command delay", 2e-4, HARD);
 pub(super) const REPORT_LAG: Quantity = in_ms("the lag of the reported joint velocities", 5e-4, LIVELY);

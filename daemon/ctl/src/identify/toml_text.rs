@@ -9,16 +9,18 @@ pub(super) fn with_key(text: &str, section: &str, key: &str, value: &str) -> Str
         return format!("{}\n\n[{section}]\n{key} = {value}\n", text.trim_end());
     };
     let new = format!("{key} = {value}");
-    let end = lines[header + 1..].iter().position(|line| line.trim_start().starts_with('['));
-    let end = end.map_or(lines.len(), |end| header + 1 + end);
-    let is_key = |line: &&str| line.split_once('=').is_some_and(|(name, _)| name.trim() == key);
-    match lines[header + 1..end].iter().position(is_key) {
-        Some(at) => {
-            let at = header + 1 + at;
-            lines.splice(at..at + length(&lines[at..end]), [new.as_str()]);
+    let is_key = |line: &str| line.split_once('=').is_some_and(|(name, _)| name.trim() == key);
+    // From value to value: a list of lists has lines that begin as sections do.
+    let mut at = header + 1;
+    while at < lines.len() && !lines[at].trim_start().starts_with('[') {
+        let length = length(&lines[at..]);
+        if is_key(lines[at]) {
+            lines.splice(at..at + length, [new.as_str()]);
+            return lines.join("\n") + "\n";
         }
-        None => lines.insert(header + 1, &new),
+        at += length;
     }
+    lines.insert(header + 1, &new);
     lines.join("\n") + "\n"
 }
 
@@ -47,5 +49,7 @@ mod tests {
         assert_eq!(with_key(text, "a", "list", "[3]"), text.replacen("[1,\n  2, # two\n]", "[3]", 1));
         assert_eq!(with_key(text, "a", "y", "4"), text.replacen("x = 1", "y = 4\nx = 1", 1));
         assert_eq!(with_key(text, "a.c", "y", "4"), format!("{text}\n[a.c]\ny = 4\n"));
+        let lists = "[a]\nlists = [\n[1, 2],\n[3],\n]\nx = 1\n";
+        assert_eq!(with_key(lists, "a", "x", "7"), lists.replacen("x = 1", "x = 7", 1));
     }
 }

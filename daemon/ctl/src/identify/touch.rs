@@ -32,7 +32,7 @@ const DEAD_TIMES_S: [f64; 3] = [0.0, 0.002, 0.006];
 const FITS: usize = 3;
 /// Of a touch, the stretches that count as witnesses, s.
 const BLOCK_S: f64 = 0.03;
-/// See `loops`.
+/// No interval is narrower than this (s), or this part of a value: the way between samples is not exact.
 const FINEST_S: f64 = 1e-5;
 const FINEST: f64 = 1e-3;
 

@@ -5,7 +5,7 @@ use admittance_runner::config::Config;
 use serde::Serialize;
 
 use super::found::Found;
-use super::told::{COMMAND_DELAY, Quantity, REPORT_LAG, STIFFNESS, WRENCH_DEAD_TIME, WRENCH_LAG};
+use super::told::{COMMAND_DELAY, HARD, LIVELY, Quantity, REPORT_LAG, STIFFNESS, WRENCH_DEAD_TIME, WRENCH_LAG};
 
 /// A joint has to reach this speed to show its loop, rad/s.
 pub(super) const LEAST_SPEED_RAD_S: f64 = 0.02;
@@ -39,11 +39,10 @@ pub(super) fn unknown(config: &Config, found: &Found) -> Vec<Unknown> {
         } else {
             "its speed changes too little for its noise, or whenever it does the daemon adds an offset"
         };
-        let motion = "free motion in which this joint changes its speed by 0.1 rad/s or more, a dozen times";
-        say(format!("joint {number}: time constant, dead time and order"), why, motion);
+        say(format!("joint {number}: time constant, dead time and order"), why, LIVELY);
     }
     if !found.loops.report_lag_s.half_width.is_finite() {
-        say(REPORT_LAG.what.to_owned(), "no joint shows it", "the same");
+        say(REPORT_LAG.what.to_owned(), "no joint shows it", REPORT_LAG.motion);
     }
     if found.command_delay_s.is_none() && !is_noted(&COMMAND_DELAY) {
         let why = "in free motion the daemon adds no offset, and only an offset acts late; what delays the twist reference is in \
@@ -57,8 +56,7 @@ pub(super) fn unknown(config: &Config, found: &Found) -> Vec<Unknown> {
         } else {
             "the touches are too short or too soft"
         };
-        let motion = "a touch of half a second with 20 N or more, and ten times the noise";
-        say("stiffness, and lag and dead time of the wrench".to_owned(), why, motion);
+        say("stiffness, and lag and dead time of the wrench".to_owned(), why, HARD);
     } else if found.wrench_time_constant_s.is_some() {
         let axes = (0..config.robot.task_axes as usize).filter(|axis| !loaded(config, *axis));
         let names: Vec<&str> = axes.map(|axis| AXIS_NAMES[axis]).collect();

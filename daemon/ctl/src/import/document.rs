@@ -4,6 +4,7 @@ use roxmltree::{Attribute, Node};
 
 use super::checked::{SaidOf, elements, links_and_joints};
 use super::xml::{self, Refused};
+use crate::report::chart::escape;
 
 /// What of a URDF describes an arm, by the elements that each one may have.
 const KEPT: [(&str, &[&str]); 4] = [
@@ -49,8 +50,7 @@ fn write(node: Node<'_, '_>, plain: &mut String) {
     };
     for attribute in node.attributes().filter(is_read) {
         plain.extend([" ", attribute.name(), "=\""]);
-        attribute.value().chars().for_each(|character| escape(character, plain));
-        plain.push('"');
+        plain.extend([&*escape(attribute.value()), "\""]);
     }
     if name == "limit" && !node.has_attribute("velocity") {
         // urdf-rs refuses a limit without one, by a message that names no joint; `Said` knows that it is absent.
@@ -60,14 +60,4 @@ fn write(node: Node<'_, '_>, plain: &mut String) {
     let kept = KEPT.iter().find(|(element, _)| *element == name).map_or(&[][..], |(_, kept)| kept);
     elements(node).filter(|child| kept.contains(&child.tag_name().name())).for_each(|child| write(child, plain));
     plain.extend(["</", name, ">"]);
-}
-
-fn escape(character: char, plain: &mut String) {
-    match character {
-        '&' => plain.push_str("&amp;"),
-        '<' => plain.push_str("&lt;"),
-        '>' => plain.push_str("&gt;"),
-        '"' => plain.push_str("&quot;"),
-        other => plain.push(other),
-    }
 }
