@@ -111,10 +111,14 @@ fn what_follows_is_printed_and_traps_are_warned_of() {
     let ipc = PrivateIpc::new("planar");
     let (code, text) = validate(&["-v"], &write(&ipc, "good.toml", MPC_DEFAULT));
     assert_eq!(code, Some(0), "{text}");
-    // 12 steps: 4 of 4 ms, then growing, to 3 times the slowest joint's 15 ms at least.
-    for expected in
-        ["horizon: 48 ms in 12 steps", "reach: 2 m", "rows and ", "safe speed: 0.3", "contact point is 1.48486 m"]
-    {
+    // 12 steps: 4 of 4 ms, then growing, to 3 times the slowest joint's 15 ms at least. The first is four inputs.
+    for expected in [
+        "horizon: 48 ms in 15 steps, 4 of them within a cycle",
+        "reach: 2 m",
+        "rows and ",
+        "safe speed: 0.3",
+        "contact point is 1.48486 m",
+    ] {
         assert!(text.contains(expected), "{expected}: {text}");
     }
     let warned = [

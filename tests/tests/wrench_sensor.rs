@@ -42,32 +42,40 @@ fn scenario(ipc: &PrivateIpc, changes: &[(&str, &str)]) -> PathBuf {
     write(ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &[&soft[..], changes].concat()))
 }
 
-/// The paper's contact in virtual time, with what a sensor adds and what the daemon removes.
-fn virtual_contact(sensor: &[(&str, &str)], compensation: &[(&str, &str)]) -> end_to_end::closed_loop::Run {
+/// The paper's contact in virtual time with so many inputs per cycle, with what a sensor adds and what
+/// the daemon removes.
+fn virtual_contact(
+    inputs: u32,
+    sensor: &[(&str, &str)],
+    compensation: &[(&str, &str)],
+) -> end_to_end::closed_loop::Run {
     let config: Config = parse(&with_keys(MPC_DEFAULT, compensation), "controller.toml").expect("valid");
     let scenario: Scenario = parse(&with_keys(PAPER_SCENARIO, sensor), "scenario.toml").expect("valid");
     let mut experiment = Experiment::paper(0.004, 0.25);
     experiment.config.wrench = config.wrench;
+    experiment.config.mpc.inputs_per_cycle = Some(inputs);
     experiment.scenario.sensor = scenario.sensor;
     experiment.run()
 }
 
 #[test]
 fn compensated_the_contact_is_the_same_in_virtual_time() {
-    let plain = virtual_contact(&[], &[]);
-    let sensed = virtual_contact(&[("sensor", SENSOR)], &[("wrench", COMPENSATION)]);
-    assert!(plain.touched() && plain.stop_reason().is_none());
-    assert_eq!(plain.instants.len(), sensed.instants.len());
-    let (mut differs, mut accelerated) = (0.0_f64, 0.0_f64);
-    for (plain, sensed) in plain.instants.iter().zip(&sensed.instants) {
-        let (force, compensated) = (plain.truth.normal_force_n, sensed.truth.normal_force_n);
-        let felt = (0..2).map(|axis| (plain.report.wrench[axis] - sensed.report.wrench[axis]).abs());
-        differs = felt.chain([(force - compensated).abs()]).fold(differs, f64::max);
-        accelerated = accelerated.max((2.0 * sensed.tool_acceleration[0]).hypot(2.0 * sensed.tool_acceleration[1]));
+    // The velocity between two samples is taken to be a straight line. Several inputs bend it.
+    for (inputs, left) in [(1, 0.01), (4, 0.05)] {
+        let plain = virtual_contact(inputs, &[], &[]);
+        let sensed = virtual_contact(inputs, &[("sensor", SENSOR)], &[("wrench", COMPENSATION)]);
+        assert!(plain.touched() && plain.stop_reason().is_none());
+        assert_eq!(plain.instants.len(), sensed.instants.len());
+        let (mut differs, mut accelerated) = (0.0_f64, 0.0_f64);
+        for (plain, sensed) in plain.instants.iter().zip(&sensed.instants) {
+            let (force, compensated) = (plain.truth.normal_force_n, sensed.truth.normal_force_n);
+            let felt = (0..2).map(|axis| (plain.report.wrench[axis] - sensed.report.wrench[axis]).abs());
+            differs = felt.chain([(force - compensated).abs()]).fold(differs, f64::max);
+            accelerated = accelerated.max((2.0 * sensed.tool_acceleration[0]).hypot(2.0 * sensed.tool_acceleration[1]));
+        }
+        println!("{inputs} inputs: {differs} N are left of {accelerated} N that accelerate the tool");
+        assert!(accelerated > 20.0 && differs < left * accelerated, "{differs} N of {accelerated} N");
     }
-    println!("{differs} N are left of {accelerated} N that accelerate the tool");
-    // The velocity between two samples is taken to be a straight line.
-    assert!(accelerated > 20.0 && differs < 0.01 * accelerated, "{differs} N of {accelerated} N");
     // Every part of it is needed.
     let wrong = [
         ("sign = \"reaction\", ", ""),
@@ -79,7 +87,7 @@ fn compensated_the_contact_is_the_same_in_virtual_time() {
     for (part, other) in wrong {
         let altered = COMPENSATION.replace(part, other);
         assert_ne!(altered, COMPENSATION, "{part}");
-        let run = virtual_contact(&[("sensor", SENSOR)], &[("wrench", &altered)]);
+        let run = virtual_contact(4, &[("sensor", SENSOR)], &[("wrench", &altered)]);
         let felt = run.instants[0].report.wrench[..2].iter().map(|force| force.abs()).fold(0.0, f64::max);
         assert!(felt > 1.0, "{part}: {felt} N are felt in the air");
     }
@@ -88,7 +96,7 @@ fn compensated_the_contact_is_the_same_in_virtual_time() {
 #[test]
 fn at_the_end_of_its_range_it_is_bad_data() {
     let (sensor, compensation) = ([("sensor", SENSOR)], [("wrench", COMPENSATION)]);
-    let whole = virtual_contact(&sensor, &compensation);
+    let whole = virtual_contact(4, &sensor, &compensation);
     let largest = |in_contact: bool| {
         let of_mode = whole.instants.iter().filter(|at| (at.command.active_axes != 0) == in_contact);
         of_mode.flat_map(|at| at.state.wrench[..3].iter()).map(|force| force.abs()).fold(0.0, f64::max)
@@ -101,14 +109,14 @@ fn at_the_end_of_its_range_it_is_bad_data() {
         |text: &str, key: &str| text.replace(" }", &format!(", {key} = [{end}, {end}, {end}, 90.0, 90.0, 90.0] }}"));
     let clipped = ending(SENSOR, "range");
     let told = ending(COMPENSATION, "saturation");
-    let run = virtual_contact(&[("sensor", &clipped)], &[("wrench", &told)]);
+    let run = virtual_contact(4, &[("sensor", &clipped)], &[("wrench", &told)]);
     let first = run.instants.iter().find(|at| at.report.fault.is_some()).expect("it ends");
     assert_eq!(first.report.fault.map(|fault| fault.name()), Some(Fault::WrenchSaturated));
     assert_eq!(first.report.wrench, [0.0; 6], "the law saw nothing");
     assert_eq!(first.command.source, Source::Plan.code(), "the last plan goes on");
     assert!(run.peak_normal() < 200.0, "{} N", run.peak_normal());
     // Not told where the range ends, the daemon takes the clipped force for the force.
-    let blind = virtual_contact(&[("sensor", &clipped)], &compensation);
+    let blind = virtual_contact(4, &[("sensor", &clipped)], &compensation);
     assert!(blind.instants.iter().all(|at| at.report.fault.is_none()));
 }
 

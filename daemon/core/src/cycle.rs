@@ -3,7 +3,7 @@
 use admittance_vocabulary::{ModeName, Source};
 use nalgebra::{SVector, Vector6};
 
-use crate::belief::{Belief, ContactPoint, JointMotion, JointObserver, Snapshot, WayObserver};
+use crate::belief::{Belief, JointMotion, JointObserver, Snapshot, WayObserver};
 use crate::cycle_output::{Counters, CycleOutput, Outcome};
 use crate::intake::{Accepted, Event, Intake, SampleFault};
 use crate::mpc::qp::QpSolver;
@@ -21,7 +21,7 @@ pub struct Controller<const N: usize, const D: usize, S, B> {
     intake: Intake<N, D>,
     belief: Belief<D>,
     joints: JointObserver<N, D>,
-    /// Where the surface is learned, its way into it.
+    /// Where that has to be known within a cycle: the way into the surface.
     way: Option<WayObserver<N, D>>,
     supervisor: Supervisor<D>,
     mpc: Mpc<N, D, S, B>,
@@ -41,8 +41,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             intake: Intake::new(parameters.intake()),
             belief: Belief::new(parameters.belief()),
             joints: JointObserver::new(parameters.loops),
-            way: matches!(parameters.contact_point, ContactPoint::Learned(_))
-                .then(|| WayObserver::new(parameters.loops)),
+            way: parameters.follows_way().then(|| WayObserver::new(parameters.loops)),
             supervisor: Supervisor::new(parameters.supervisor()),
             mpc: Mpc::new(parameters.mpc(), solver, storage).ok_or(ParameterError::Storage)?,
             output: Output::new(parameters.output()),

@@ -98,6 +98,18 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         }
     }
 
+    /// Whether the way into the surface has to be known within a cycle: where the surface is learned,
+    /// and where its point is detected while several inputs within a cycle bend the way.
+    pub(crate) fn follows_way(&self) -> bool {
+        match self.contact_point {
+            ContactPoint::Configured => false,
+            ContactPoint::Detected { .. } => {
+                self.mpc.steps().first().is_some_and(|step| *step < self.timing.sampling_time.seconds())
+            }
+            ContactPoint::Learned(_) => true,
+        }
+    }
+
     pub(crate) fn supervisor(&self) -> supervisor::Settings<D> {
         supervisor::Settings {
             predicts: match self.law {

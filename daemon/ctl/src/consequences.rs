@@ -30,12 +30,12 @@ pub fn lines(config: &Config) -> Vec<String> {
 fn horizon(config: &Config) -> String {
     let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
     let steps = with_arm!((joints, axes), <N, D> => {
-        parameters::parameters::<N, D>(config, config.mpc.inputs_per_cycle).map(|all| {
+        parameters::parameters::<N, D>(config, config.inputs_per_cycle()).map(|all| {
             (all.mpc.horizon, all.mpc.steps.iter().take(all.mpc.horizon).sum::<f64>())
         })
     }, else None);
     let (count, length) = steps.unwrap_or_default();
-    let inputs = config.mpc.inputs_per_cycle;
+    let inputs = config.inputs_per_cycle();
     let within = if inputs == 1 { String::new() } else { format!(", {inputs} of them within a cycle") };
     format!("horizon: {} ms in {count} steps{within}", short(length * 1e3))
 }

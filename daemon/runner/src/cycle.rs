@@ -222,7 +222,7 @@ pub fn build_with<S: QpSolver + Send + 'static>(
                 None => controller,
             }))
         };
-        let inputs = config.mpc.inputs_per_cycle;
+        let inputs = config.inputs_per_cycle();
         Ok(Box::new(ArmCycle {
             controller: controller(1)?,
             other: if inputs > 1 { Some(controller(inputs)?) } else { None },

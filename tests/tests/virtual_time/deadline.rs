@@ -197,11 +197,14 @@ fn a_stop_that_has_only_the_plan_of_the_contact_before_it_does_not_press_on() {
     for (sampling_time, speed) in [(0.004, 0.05), (0.001, 0.05), (0.001, 0.1)] {
         let mut pressing = Experiment::paper(sampling_time, speed);
         pressing.config.contact.normal_force_reference_n = 120.0;
+        // With several inputs in a slow cycle the arm is out of its impact by then, and moves outwards.
+        pressing.config.mpc.inputs_per_cycle = Some(1);
         let quiet = pressing.run();
         let first = first_contact(&quiet);
-        for begun in [3, 5, 10, 20].map(|after| first + after) {
-            let planned = commanded(&quiet.instants[begun]);
-            assert!(planned < -0.001, "cycle {begun}: the contact presses on at {planned} m/s");
+        let presses_on = |cycle: &usize| commanded(&quiet.instants[*cycle]) < -0.001;
+        let begins: Vec<usize> = (first + 3..=first + 20).filter(presses_on).step_by(3).collect();
+        assert!(begins.len() >= 3, "{speed} m/s at {sampling_time} s: {begins:?}");
+        for begun in begins {
             let index = |state: &StateSample| state.sequence as usize - 1;
             let mut nothing_usable = pressing.clone();
             let at_s = quiet.instants[begun].time() + 0.9 * sampling_time;

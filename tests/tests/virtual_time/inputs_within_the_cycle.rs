@@ -10,7 +10,7 @@ const INSTANTS: u32 = 16;
 
 fn experiment(speed: f64, inputs_per_cycle: u32) -> Experiment {
     let mut experiment = Experiment::paper(0.004, speed);
-    experiment.config.mpc.inputs_per_cycle = inputs_per_cycle;
+    experiment.config.mpc.inputs_per_cycle = Some(inputs_per_cycle);
     experiment
 }
 
@@ -78,6 +78,24 @@ fn who_does_not_play_the_plan_gets_one_input_per_cycle() {
     assert_eq!(later.last().map(|command| command.mode), Some(Mode::Contact.code()));
     // With one input the answer is that of a file that asks for one.
     let mut alone = experiment.clone();
-    alone.config.mpc.inputs_per_cycle = 1;
+    alone.config.mpc.inputs_per_cycle = Some(1);
     assert_eq!(never, answered(&run, &alone, |_| false));
+}
+
+/// The set of plans with four inputs holds that with one.
+#[test]
+fn four_inputs_refuse_no_touch_that_one_keeps() {
+    let mut refused = 0;
+    for speed in [0.09, 0.1, 0.11, 0.12] {
+        let [one, four] = [1, 4].map(|inputs| {
+            let mut experiment = experiment(speed, inputs).with_delay(0.001).with_motion(&[(1.0, &[0.0, -speed])]);
+            experiment.config.contact.force_limit = vec![100.0, 80.0];
+            experiment.config.contact.minimum_force = vec![6.0, 6.0];
+            failed(&experiment)
+        });
+        println!("{speed} m/s: one input {one:?}, four {four:?}");
+        assert!(four.0 <= one.0 && four.1 <= one.1 + 0.1, "{speed} m/s: one input {one:?}, four {four:?}");
+        refused += one.0;
+    }
+    assert!(refused > 4, "{refused}: slow enough for all");
 }

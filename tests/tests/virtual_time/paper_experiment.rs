@@ -169,10 +169,15 @@ fn limits_that_contradict_each_other_are_a_latched_stop_and_the_arm_is_held() {
 fn forces_do_not_depend_on_the_solver() {
     // Clarabel as exact as it gets; what is left is its own tolerance, carried on by the loop.
     let settings = ClarabelSettings { tolerance: 1e-12, max_iterations: 200 };
-    for (name, text) in [("paper", MPC_PAPER), ("default", MPC_DEFAULT)] {
+    // With several inputs the force that rests on its lower bound circles about it by some mN, each
+    // solver's in a phase of its own.
+    for (name, text, inputs, tolerance) in
+        [("paper", MPC_PAPER, 1, 1e-3), ("default", MPC_DEFAULT, 1, 1e-3), ("default", MPC_DEFAULT, 4, 0.02)]
+    {
         for phase in [0.1, 0.6] {
             let scenario = scenario(phase);
             let mut config = controller(text, &scenario);
+            config.mpc.inputs_per_cycle = Some(inputs);
             let own = run(cycle::build(&config).expect("a controller"), &scenario);
             config.mpc.solver_tolerance = settings.tolerance;
             let judge = cycle::build_with(&config, None, |_| ClarabelSolver::new(settings)).expect("a controller");
@@ -180,8 +185,12 @@ fn forces_do_not_depend_on_the_solver() {
             assert_eq!(own.forces.len(), reference.forces.len());
             let differences = own.forces.iter().flatten().zip(reference.forces.iter().flatten());
             let most = differences.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-            println!("{name}, contact at {phase} of a sample: forces within {most:.1e} N");
-            assert!(most <= 1e-3, "{name}, contact at {phase} of a sample: {most} N");
+            let what = format!("{name}, {inputs} inputs, contact at {phase} of a sample");
+            println!("{what}: forces within {most:.1e} N");
+            assert!(most <= tolerance, "{what}: {most} N");
+            let impact = own.forces.iter().zip(&reference.forces).take_while(|(own, _)| own[1] > -50.0).count() + 20;
+            let pairs = own.forces[..impact].iter().flatten().zip(reference.forces[..impact].iter().flatten());
+            assert!(pairs.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs())) <= 1e-3, "{what}: at the impact");
             assert!(own.forces.iter().flatten().any(|force| force.abs() > 50.0), "no contact");
         }
     }

@@ -36,7 +36,7 @@ fn slide(surface: Surface, sampling_time: f64, side: f64) -> Experiment {
     (environment.contact, environment.contact_point_m) = (ContactPointName::Detected, None);
     (environment.normal_tolerance_rad, environment.wrench_noise_n) = (10f64.to_radians(), 0.5);
     experiment.config.contact.normal_force_reference_n = ASKED_N;
-    experiment.config.mpc.inputs_per_cycle = if sampling_time > 0.002 { 8 } else { 2 };
+    experiment.config.mpc.inputs_per_cycle = Some(if sampling_time > 0.002 { 8 } else { 2 });
     experiment.scenario.noise.wrench = 0.5;
     let (sin, cos) = surface.tilt_deg.to_radians().sin_cos();
     let is = experiment.scenario.surface.as_mut().expect("a surface");

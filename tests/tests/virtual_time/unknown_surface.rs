@@ -40,7 +40,7 @@ fn the_limit_is_kept_whatever_the_surface_is() {
         for (stiffness, speed) in [(1.5e4, 0.3), (1e5, 0.2), (4e5, 0.06)] {
             for noise in [0.0, 0.5] {
                 let mut experiment = unknown(Experiment::paper(sampling_time, speed), RANGE, stiffness, noise);
-                experiment.config.mpc.inputs_per_cycle = inputs;
+                experiment.config.mpc.inputs_per_cycle = Some(inputs);
                 let what = format!("{} ms, {noise} N of noise", sampling_time * 1e3);
                 is_kept_and_known(&what, &experiment, stiffness, 200.0 / NORMAL[1]);
             }
@@ -66,7 +66,7 @@ fn a_contact_point_may_be_told_with_a_tolerance() {
 fn six_joints_as_well() {
     for (stiffness, noise) in [(2e4, 0.5), (1e5, 0.0), (1e5, 0.5), (3e5, 0.5)] {
         let mut experiment = unknown(Experiment::new(SIX_JOINT, SIX_JOINT_SCENARIO, 0.001), RANGE, stiffness, noise);
-        experiment.config.mpc.inputs_per_cycle = 2;
+        experiment.config.mpc.inputs_per_cycle = Some(2);
         let limit = experiment.config.contact.force_limit[2];
         is_kept_and_known("six joints", &experiment, stiffness, limit);
     }

@@ -17,6 +17,13 @@ fn stiffer(sampling_time: f64, speed: f64, factor: f64) -> Experiment {
     experiment
 }
 
+/// With several inputs within a slow cycle some of these touches keep the limit: no guard has to see
+/// anything then.
+fn one_input(mut experiment: Experiment) -> Experiment {
+    experiment.config.mpc.inputs_per_cycle = Some(1);
+    experiment
+}
+
 fn peak_of(run: &Run, wrench: impl Fn(&Instant) -> [f64; 6]) -> f64 {
     run.instants.iter().flat_map(|at| wrench(at).map(f64::abs)).fold(0.0, f64::max)
 }
@@ -43,7 +50,7 @@ fn a_stiffness_five_times_too_low_is_stopped_and_rests_at_a_low_force() {
     let mut by_force = 0;
     // Half of the speed that the verdict accepts, and less.
     for (sampling_time, speed) in [(0.004, 0.12), (0.004, 0.16), (0.001, 0.25), (0.001, 0.32)] {
-        stiffer(sampling_time, speed, 5.0).at_instants(16, |share, run| {
+        one_input(stiffer(sampling_time, speed, 5.0)).at_instants(16, |share, run| {
             let what = format!("{speed} m/s at {sampling_time} s, contact at {share}");
             let reason = run.stop_reason().and_then(StopReason::from_code);
             let expected = [StopReason::ForceExceeded, StopReason::ModelDisagrees].map(Some);
@@ -107,7 +114,7 @@ fn a_force_beyond_its_limit_that_is_counted_is_not_silent() {
 
 #[test]
 fn the_force_guard_without_lag_takes_the_guard_that_is_told() {
-    let mut experiment = stiffer(0.004, 0.16, 5.0);
+    let mut experiment = one_input(stiffer(0.004, 0.16, 5.0));
     experiment.config.stopping.mismatch_n = None;
     experiment.config.stopping.force_guard_n = None;
     experiment.at_instants(4, |share, run| {

@@ -8,6 +8,7 @@
 
 use nalgebra::SVector;
 
+use super::Way;
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
 use crate::surface::Surface;
@@ -36,6 +37,8 @@ struct Observation {
     speed: f64,
     /// −nᵀf̂ in N.
     pressing: f64,
+    /// The depth in m in the middle of each part of the time since the sample before.
+    parts: [f64; PARTS],
 }
 
 /// The last samples, and what follows from them.
@@ -53,7 +56,8 @@ pub(super) struct Detection {
 impl Detection {
     /// Nothing observed.
     pub(super) fn new() -> Self {
-        let none = Observation { stamp: Instant::default(), depth: 0.0, speed: 0.0, pressing: 0.0 };
+        let none =
+            Observation { stamp: Instant::default(), depth: 0.0, speed: 0.0, pressing: 0.0, parts: [0.0; PARTS] };
         Self { observations: [none; WINDOW], len: 0, noticed: None, uncertainty: 0.0 }
     }
 
@@ -69,24 +73,29 @@ impl Detection {
 
     /// Takes in a sample. In contact, moves the contact point of `surface` along its normal to
     /// where the samples say it is, as long as they reach back to before the contact was noticed.
-    /// `joint_velocity` is q̇ at the sample as it is believed to be, in rad/s; `lag` is T_est in s,
-    /// `noise` the standard deviation of f̂ in N.
+    /// `joint_velocity` is q̇ at the sample as it is believed to be, in rad/s; `way` the way since the
+    /// sample before, where it is known better than by its ends; `lag` is T_est in s, `noise` the
+    /// standard deviation of f̂ in N.
+    #[expect(clippy::too_many_arguments, reason = "one sample, seen by one caller")]
     pub(super) fn update<const N: usize, const D: usize>(
         &mut self,
         surface: &mut Surface<D>,
         sample: &Accepted<N, D>,
         joint_velocity: &SVector<f64, N>,
+        way: Option<&Way>,
         in_contact: bool,
         lag: f64,
         noise: f64,
     ) {
         let posture = &sample.posture;
-        self.push(Observation {
+        let seen = Observation {
             stamp: sample.stamp,
             depth: -surface.height(&posture.pose().position),
             speed: -surface.outward_speed(&(posture.jacobian() * joint_velocity)),
             pressing: surface.pressing_force(&sample.wrench),
-        });
+            parts: [0.0; PARTS],
+        };
+        self.push(seen, way);
         if !in_contact {
             self.noticed = None;
             return;
@@ -115,7 +124,7 @@ impl Detection {
         surface.normal_stiffness() * (before.depth + surface.height(&surface.contact.position))
     }
 
-    fn push(&mut self, seen: Observation) {
+    fn push(&mut self, mut seen: Observation, way: Option<&Way>) {
         if self.len == WINDOW {
             self.observations.copy_within(1.., 0);
             self.len -= 1;
@@ -123,6 +132,14 @@ impl Detection {
         // After a restart of the motion controller everything begins anew.
         if self.len > 0 && seen.stamp <= self.observations[self.len - 1].stamp {
             self.len = 0;
+        }
+        if self.len > 0 {
+            let last = &self.observations[self.len - 1];
+            let middle = |part: usize| (part as f64 + 0.5) / PARTS as f64;
+            seen.parts = match way {
+                Some(way) => core::array::from_fn(|part| way.depth_at(middle(part) * way.duration())),
+                None => core::array::from_fn(|part| depth_between(last, &seen, middle(part))),
+            };
         }
         self.observations[self.len] = seen;
         self.len += 1;
@@ -144,8 +161,8 @@ fn surface_depth(window: &[Observation], lag: f64, stiffness: f64) -> (f64, f64)
         for pair in window.windows(2) {
             let duration = pair[1].stamp.since(pair[0].stamp).seconds();
             let decay = if lag > 0.0 { libm::exp(-duration / (lag * PARTS as f64)) } else { 0.0 };
-            for part in 0..PARTS {
-                let pressed = depth_between(pair, duration, (part as f64 + 0.5) / PARTS as f64) - surface;
+            for depth in &pair[1].parts {
+                let pressed = depth - surface;
                 let touches = if pressed > 0.0 { 1.0 } else { 0.0 };
                 estimate = decay * estimate + (1.0 - decay) * stiffness * pressed * touches;
                 sensitivity = decay * sensitivity + (1.0 - decay) * stiffness * touches;
@@ -171,8 +188,8 @@ fn surface_depth(window: &[Observation], lag: f64, stiffness: f64) -> (f64, f64)
 }
 
 /// The depth at a part of the time between two samples: the cubic with their depths and rates.
-fn depth_between(pair: &[Observation], duration: f64, x: f64) -> f64 {
-    let (a, b) = (&pair[0], &pair[1]);
+fn depth_between(a: &Observation, b: &Observation, x: f64) -> f64 {
+    let duration = b.stamp.since(a.stamp).seconds();
     let change = b.depth - a.depth;
     let (start, end) = (a.speed * duration - change, change - b.speed * duration);
     a.depth + x * change + x * (1.0 - x) * ((1.0 - x) * start + x * end)

@@ -216,7 +216,7 @@ impl<const D: usize> Belief<D> {
         let lag = self.lag();
         if let ContactPoint::Detected { wrench_noise } = contact_point {
             let in_contact = self.contact.is_any();
-            self.detection.update(&mut self.surface, sample, joint_velocity, in_contact, lag, wrench_noise);
+            self.detection.update(&mut self.surface, sample, joint_velocity, way, in_contact, lag, wrench_noise);
             if self.contact.is_any() && !was_in_contact {
                 // What was expected of the last sample was of a surface that was not known yet.
                 self.expected.spring = self.detection.spring_before(&self.surface).max(0.0);

@@ -59,6 +59,21 @@ impl Way {
         self.pieces().last().map_or(0.0, |piece| piece.depth[2])
     }
 
+    /// Depth in m so many seconds after its start.
+    pub(crate) fn depth_at(&self, time: f64) -> f64 {
+        let (mut begun, mut depth) = (0.0, 0.0);
+        for piece in self.pieces() {
+            let x = ((time - begun) / piece.duration).min(1.0);
+            let [start, middle, end] = piece.depth;
+            depth = start + x * (4.0 * middle - 3.0 * start - end + 2.0 * x * (start - 2.0 * middle + end));
+            begun += piece.duration;
+            if time < begun {
+                break;
+            }
+        }
+        depth
+    }
+
     /// Greatest depth on it, m.
     pub(crate) fn deepest(&self) -> f64 {
         self.pieces().iter().flat_map(|piece| piece.depth).fold(f64::NEG_INFINITY, f64::max)
@@ -140,6 +155,22 @@ mod tests {
         way.push(Piece { duration: 0.001, depth: [1e-3, 3e-3, 2e-3] }).unwrap();
         way.push(Piece { duration: 0.001, depth: [2e-3, 1e-3, 1e-3] }).unwrap();
         assert_eq!(way.deepest(), 3e-3);
+    }
+
+    #[test]
+    fn between_its_pieces_the_depth_is_theirs() {
+        // x = 0.3 t − 20 t², in pieces of different lengths.
+        let x = |t: f64| t * (0.3 - 20.0 * t);
+        let (mut way, mut begun) = (Way::new(), 0.0);
+        for duration in [0.001, 0.0005, 0.0025] {
+            let depth = [0.0, 0.5, 1.0].map(|part| x(begun + part * duration));
+            way.push(Piece { duration, depth }).unwrap();
+            begun += duration;
+        }
+        for step in 0..=40 {
+            let time = 0.0001 * f64::from(step);
+            assert!((way.depth_at(time) - x(time)).abs() < 1e-12, "{time} s: {}", way.depth_at(time));
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! against the recorded ones, bit by bit.
 
 mod counts;
+mod defaults;
 mod difference;
 mod event;
 mod session;
@@ -13,6 +14,7 @@ use admittance_runner::config::Config;
 
 use crate::Exit;
 use crate::recording::{Item, Source};
+use defaults::Defaults;
 use session::{RUN_IN, Session};
 
 #[derive(Debug, clap::Args)]
@@ -43,9 +45,13 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
             })?,
         };
     let name = args.config.as_ref().map_or("the recorded configuration".into(), |path| path.display().to_string());
-    let config: Config = config::parse(&text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
-    let mut session = Session::new(config, recording.configurations(), recording.record_version())?;
+    let mut config: Config = config::parse(&text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
     let version = recording.metadata().get("version").map_or("unknown", String::as_str);
+    let defaults = Defaults::of(version);
+    if args.config.is_none() {
+        defaults.complete(&mut config);
+    }
+    let mut session = Session::new(config, recording.configurations(), recording.record_version(), defaults)?;
     if version != env!("CARGO_PKG_VERSION") {
         println!("recorded with version {version}, replayed with {}", env!("CARGO_PKG_VERSION"));
     }

@@ -11,6 +11,7 @@ use ipc_types::layout::WireType as _;
 use ipc_types::{CommandSample, Fault, Mode, RecordKind, RecordSample, Source, StopReason};
 
 use super::counts::{Counts, Earlier};
+use super::defaults::Defaults;
 use super::difference::Difference;
 use super::event;
 use crate::Exit;
@@ -37,6 +38,8 @@ pub(crate) struct Session<'a> {
     config: Config,
     configurations: &'a BTreeMap<u64, String>,
     record_version: u32,
+    /// What absent keys of the recorded configurations mean.
+    defaults: Defaults,
     state: State,
     /// The last answer of the replay.
     command: CommandSample,
@@ -52,17 +55,20 @@ pub(crate) struct Session<'a> {
 
 impl<'a> Session<'a> {
     /// A replay that begins with this configuration; those of later records replace it.
-    /// Fields that records of `record_version` lack are not compared.
+    /// Fields that records of `record_version` lack are not compared; keys that later ones lack mean
+    /// what `defaults` says.
     pub(crate) fn new(
         config: Config,
         configurations: &'a BTreeMap<u64, String>,
         record_version: u32,
+        defaults: Defaults,
     ) -> Result<Self, (Exit, String)> {
         cycle::build(&config).map_err(|why| (Exit::Config, why))?;
         Ok(Self {
             config,
             configurations,
             record_version,
+            defaults,
             state: State::Searching,
             command: CommandSample::zeroed(),
             ahead: None,
@@ -245,6 +251,7 @@ impl<'a> Session<'a> {
             };
             let name = format!("the configuration recorded with record {}", record.sequence);
             self.config = config::parse(text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
+            self.defaults.complete(&mut self.config);
         }
         settings(record)?.apply(&mut self.config);
         Ok(true)

@@ -15,7 +15,7 @@ pub(super) fn check_law(config: &Config, errors: &mut Vec<ConfigError>) {
     }
     let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
     let checked = with_arm!((joints, axes), <N, D> => {
-        let parameters = parameters::<N, D>(config, config.mpc.inputs_per_cycle);
+        let parameters = parameters::<N, D>(config, config.inputs_per_cycle());
         parameters.map_or(Ok(()), |parameters: Parameters<N, D>| parameters.check())
     }, else Ok(()));
     if let Err(error) = checked {

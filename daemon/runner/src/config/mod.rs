@@ -6,7 +6,7 @@ use admittance_core::quantities::{Span, is_linear};
 use admittance_host::config::ConfigError;
 use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
-use admittance_host::robot_description::RobotDescription;
+use admittance_host::robot_description::{RobotDescription, VelocityLoopDescription};
 use admittance_host::{config_file, config_section};
 
 mod contact;
@@ -176,6 +176,35 @@ fn check_wrench_dead_time(config: &Config, errors: &mut Vec<ConfigError>) {
     }
 }
 
+/// An input that nobody chose lasts at least so long, in s, and a cycle has no more of them.
+const DEFAULT_INPUT_S: f64 = 0.001;
+const MOST_DEFAULT_INPUTS: u64 = 4;
+
+impl Config {
+    /// Into how many inputs the first step is divided where the motion controller plays them.
+    pub fn inputs_per_cycle(&self) -> u32 {
+        let (mpc, sampling_time) = (&self.mpc, self.control.sampling_time_s);
+        mpc.inputs_per_cycle.unwrap_or_else(|| {
+            // Who says what the steps are means those.
+            if mpc.horizon.is_some() || mpc.step_lengths_s.is_some() {
+                return 1;
+            }
+            let [least, most] = self.robot.velocity_loop.as_ref().map_or([0.0; 2], dead_times);
+            let spread = Span::from_seconds((most - least).max(0.0));
+            let [cycle, input] = [sampling_time, DEFAULT_INPUT_S].map(|t| Span::from_seconds(t).nanoseconds());
+            let wanted = (cycle / input).clamp(1, MOST_DEFAULT_INPUTS) as u32;
+            let suits = |inputs: &u32| spread <= Span::from_seconds(sampling_time / f64::from(*inputs));
+            (1..=wanted).rev().find(suits).unwrap_or(1)
+        })
+    }
+}
+
+/// The shortest and the longest dead time of the speed loops, s; the shortest is infinite where none is told.
+fn dead_times(velocity_loop: &VelocityLoopDescription) -> [f64; 2] {
+    let each = velocity_loop.dead_time_s.iter().flatten().copied();
+    each.fold([f64::INFINITY, 0.0], |[least, most], t| [t.min(least), t.max(most)])
+}
+
 /// What the model can have of the speed loops.
 fn check_velocity_loop(config: &Config, errors: &mut Vec<ConfigError>) {
     let (Some(velocity_loop), mpc) = (&config.robot.velocity_loop, &config.mpc) else { return };
@@ -196,11 +225,10 @@ fn check_velocity_loop(config: &Config, errors: &mut Vec<ConfigError>) {
             wants("mpc.model_delay = true: without it the model knows of no delay");
         }
     }
-    let dead_times = velocity_loop.dead_time_s.iter().flatten().copied();
-    let (least, most) = dead_times.fold((f64::INFINITY, 0.0), |(least, most), t| (t.min(least), t.max(most)));
+    let [least, most] = dead_times(velocity_loop);
     let sampling_time = config.control.sampling_time_s;
-    let shortest =
-        mpc.step_lengths_s.iter().flatten().copied().fold(sampling_time / f64::from(mpc.inputs_per_cycle), f64::min);
+    let inputs = f64::from(config.inputs_per_cycle());
+    let shortest = mpc.step_lengths_s.iter().flatten().copied().fold(sampling_time / inputs, f64::min);
     if Span::from_seconds(most - least) > Span::from_seconds(shortest) {
         let accepted = format!("values at most {shortest} s apart, the shortest step of the prediction");
         errors.push(ConfigError::new(key("dead_time_s"), format!("{least} to {most}"), accepted));

@@ -80,7 +80,9 @@ config_section! {
         /// Into how many equal parts the first step is divided, each with an input of its own: with
         /// a slow cycle the arm may so approach faster. The motion controller has to play the plan
         /// within its cycle, and says so in its samples (`plays_plan`); else there is one input.
-        inputs_per_cycle: u32 = 1, unit "inputs", range 1..=8;
+        /// When absent: as many as last 1 ms or more, four at most; one where horizon or
+        /// step_lengths_s says what the steps are.
+        inputs_per_cycle: Option<u32>, unit "inputs", range 1..=8;
         /// Where the force is bounded.
         force_points: ForcePointsName = ForcePointsName::Dense;
         /// Whether commands that are given but do not act yet (control.command_delay_s) are part of
@@ -121,8 +123,8 @@ fn check_horizon(mpc: &MpcSection, path: &str, errors: &mut Vec<ConfigError>) {
     let longest = GROWING_STEPS as u32;
     let steps = mpc.step_lengths_s.as_ref().map_or(mpc.horizon.unwrap_or(longest), |steps| steps.len() as u32);
     let most = (MAX_STEPS as u32 + 1).saturating_sub(steps);
-    if mpc.inputs_per_cycle > most {
+    if let Some(inputs) = mpc.inputs_per_cycle.filter(|inputs| *inputs > most) {
         let accepted = format!("at most {most}: a horizon of {steps} steps may have {MAX_STEPS} with those");
-        errors.push(ConfigError::new(format!("{path}.inputs_per_cycle"), mpc.inputs_per_cycle, accepted));
+        errors.push(ConfigError::new(format!("{path}.inputs_per_cycle"), inputs, accepted));
     }
 }
