@@ -9,6 +9,7 @@ use ipc_types::{
 };
 
 use crate::channel::CycleRecord;
+use crate::likeliest_stiffness::likeliest_stiffness;
 use admittance_runner::config::Config;
 
 /// Between two samples in ns.
@@ -61,6 +62,8 @@ fn quantiles(histogram: &Histogram<u64>) -> [u64; QUANTILES] {
 pub(crate) struct Diagnostics {
     publisher: Publisher<DiagnosticsSample>,
     sample: DiagnosticsSample,
+    /// The range of stiffness that is told, N/m.
+    stiffness_range: Option<[f64; 2]>,
     wake_up: Latency,
     compute: Latency,
     answer: Latency,
@@ -77,6 +80,7 @@ impl Diagnostics {
         let mut diagnostics = Self {
             publisher: service.publisher().map_err(|error| error.to_string())?,
             sample: DiagnosticsSample::zeroed(),
+            stiffness_range: None,
             wake_up: Latency::new()?,
             compute: Latency::new()?,
             answer: Latency::new()?,
@@ -89,7 +93,7 @@ impl Diagnostics {
         Ok(diagnostics)
     }
 
-    /// Takes over the limits of a configuration.
+    /// Takes over the limits and the range of stiffness of a configuration.
     pub(crate) fn configure(&mut self, config: &Config) {
         let contact = &config.contact;
         let of_controlled = |values: &[f64]| -> [f64; TASK_AXES] {
@@ -100,6 +104,7 @@ impl Diagnostics {
         self.sample.force_limit = of_controlled(&contact.force_limit);
         self.sample.minimum_force = of_controlled(&contact.minimum_force);
         self.sample.task_axes = config.robot.task_axes;
+        self.stiffness_range = config.environment.stiffness_range_n_m;
     }
 
     /// Learns the daemon's boot id.
@@ -134,6 +139,9 @@ impl Diagnostics {
         self.answer.add(record.answer_time_ns);
         self.sample.wrench = record.wrench;
         self.sample.state_stamp_ns = record.state.stamp_ns;
+        self.sample.believed_stiffness_n_m = likeliest_stiffness(record, self.stiffness_range);
+        self.sample.believed_stiffness_band_n_m = record.believed_stiffness_band_n_m;
+        self.sample.believed_tilt_rad = record.believed_tilt_rad();
         self.sample.missed_lately = report.arrival.map_or(0, |arrival| arrival.missed_lately.into());
         let controls = [Mode::Contact, Mode::Stopping].map(Mode::code).contains(&command.mode);
         let stands_in = [Source::Plan, Source::Retreat].map(Source::code).contains(&command.source);

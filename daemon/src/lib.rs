@@ -9,6 +9,7 @@ mod arrival;
 mod channel;
 mod diagnostics;
 mod instance_lock;
+mod likeliest_stiffness;
 mod log;
 mod notifications;
 mod notify;

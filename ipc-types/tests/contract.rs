@@ -49,11 +49,12 @@ fn compiled_layouts() -> Vec<Compiled> {
             belief_uncertainty_n expected_pressing_n expected_spring_n expected_stamp_ns tool_acceleration
             joint_velocity joint_acceleration state command exceeded_count wrench_without_lag
             believed_stiffness_n_m believed_stiffness_band_n_m believed_normal),
-        compiled!(DiagnosticsSample v 3: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
+        compiled!(DiagnosticsSample v 4: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
             late_count missed_count rejected_count limited_count dropped_count contact_losses solver_failures mode motion
             stop_reason active_axes verdict verdict_axis verdict_side task_axes verdict_margin verdict_time_s wrench
             force_limit minimum_force velocity_offset wake_up_ns wake_up_last_second_ns compute_ns compute_last_second_ns
-            answer_ns answer_last_second_ns exceeded_count state_stamp_ns missed_lately),
+            answer_ns answer_last_second_ns exceeded_count state_stamp_ns missed_lately believed_stiffness_n_m
+            believed_stiffness_band_n_m believed_tilt_rad),
     ]
 }
 
@@ -173,7 +174,7 @@ fn a_changed_layout_needs_a_new_version_of_its_sample() {
         ("admittanced.RequestSample.v1", 0x1f12_9cd2_b9c5_6793),
         ("admittanced.ResponseSample.v3", 0xdf18_0955_864a_b932),
         ("admittanced.RecordSample.v5", 0xe735_b625_2fa6_6d32),
-        ("admittanced.DiagnosticsSample.v3", 0x7f71_89b5_83a8_bdf8),
+        ("admittanced.DiagnosticsSample.v4", 0x26ea_539c_74b0_d12c),
     ];
     assert_eq!(found, known, "a sample changed: raise the version in its type name, then change its fingerprint here");
 }

@@ -6,7 +6,7 @@ use crate::{QUANTILES, TASK_AXES};
 
 wire_sample! {
     /// How the daemon is doing: a few times a second.
-    struct DiagnosticsSample: "admittanced.DiagnosticsSample.v3", size 568, writer "admittanced (service thread)" {
+    struct DiagnosticsSample: "admittanced.DiagnosticsSample.v4", size 600, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every sample"]
             "Number of this sample; restarts at 1 with a new boot_id.";
         8 stamp_ns: u64 ["ns", "CLOCK_MONOTONIC, increasing"]
@@ -86,5 +86,12 @@ wire_sample! {
             "Stamp of the last accepted state sample, which is what the law acts on.";
         560 missed_lately: u64 ["1", "0 to 100"]
             "Of the last 100 state samples up to that one, how many were never seen.";
+        568 believed_stiffness_n_m: f64 ["N/m", ">= 0"]
+            "Stiffness along the normal as it is believed to be at that one; out of contact what the next touch begins with. 0 \
+             before the first.";
+        576 believed_stiffness_band_n_m: [f64; 2] ["N/m", ">= 0"]
+            "Least and greatest that it may be, as in the record.";
+        592 believed_tilt_rad: f64 ["rad", ">= 0, finite"]
+            "Angle between the believed surface normal and the one in force; 0 where no tolerance of it is told.";
     }
 }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use admittance_host::clock::monotonic_ns;
+use admittance_host::config::fixed;
 use ipc_types::{DiagnosticsSample, Mode, QUANTILES};
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -27,7 +28,7 @@ impl Widget for View<'_> {
         let sample = &self.0.sample;
         let axes = controlled(sample).count() as u16;
         let [head, forces, latency, counters, changes, keys] = Layout::vertical([
-            Constraint::Length(2),
+            Constraint::Length(2 + u16::from(learns(sample))),
             Constraint::Length(axes + 2),
             Constraint::Length(9),
             Constraint::Length(5),
@@ -75,7 +76,8 @@ impl View<'_> {
                 }
             }
         };
-        Paragraph::new(vec![first, second]).render(area, buffer);
+        let believed = learns(sample).then(|| believed(sample));
+        Paragraph::new([first, second].into_iter().chain(believed).collect::<Vec<_>>()).render(area, buffer);
     }
 
     fn changes(&self, area: Rect, buffer: &mut Buffer) {
@@ -83,6 +85,19 @@ impl View<'_> {
         let lines = self.0.changes.iter().rev().map(|(at, what)| format!("{:>9.1} s  {what}", *at as f64 * 1e-9));
         List::new(lines).block(Block::bordered().title("Mode (time since start)")).render(area, buffer);
     }
+}
+
+/// Whether the surface is learned: a range of its stiffness is told.
+fn learns(sample: &DiagnosticsSample) -> bool {
+    let [least, most] = sample.believed_stiffness_band_n_m;
+    least < most
+}
+
+fn believed(sample: &DiagnosticsSample) -> Line<'static> {
+    let ([least, most], tilt) = (sample.believed_stiffness_band_n_m, sample.believed_tilt_rad.to_degrees());
+    let stiffness = sample.believed_stiffness_n_m;
+    let tilted = if tilt > 0.0 { format!(", normal {} degrees off", fixed(tilt, 1)) } else { String::new() };
+    Line::raw(format!("believed {stiffness:.0} N/m, {least:.0} to {most:.0}{tilted}"))
 }
 
 fn mode_color(sample: &DiagnosticsSample) -> Color {
@@ -168,4 +183,31 @@ fn render_counters(sample: &DiagnosticsSample, area: Rect, buffer: &mut Buffer) 
         ]),
     ];
     Paragraph::new(lines).block(Block::bordered().title("Counters")).render(area, buffer);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shown(sample: DiagnosticsSample) -> String {
+        let area = Rect::new(0, 0, 80, 30);
+        let mut buffer = Buffer::empty(area);
+        View(&Watched::new("planar".to_owned(), sample)).render(area, &mut buffer);
+        buffer.content().chunks(80).map(|row| row.iter().map(|cell| cell.symbol()).collect::<String>() + "\n").collect()
+    }
+
+    #[test]
+    fn what_is_believed_of_a_surface_is_shown_where_it_is_learned() {
+        let known = DiagnosticsSample {
+            task_axes: 2,
+            believed_stiffness_n_m: 51e3,
+            believed_stiffness_band_n_m: [51e3; 2],
+            ..DiagnosticsSample::zeroed()
+        };
+        assert!(!shown(known).contains("believed"));
+        let learned = DiagnosticsSample { believed_stiffness_band_n_m: [48e3, 55e3], ..known };
+        assert!(shown(learned).contains("believed 51000 N/m, 48000 to 55000   "), "{}", shown(learned));
+        let tilted = DiagnosticsSample { believed_tilt_rad: 1.5_f64.to_radians(), ..learned };
+        assert!(shown(tilted).contains("48000 to 55000, normal 1.5 degrees off"), "{}", shown(tilted));
+    }
 }
