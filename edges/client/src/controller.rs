@@ -103,7 +103,6 @@ impl Controller {
     pub fn begin(&mut self, stamp_ns: u64) -> StateSample {
         self.sequence += 1;
         self.playback.begin_sample(self.sequence, stamp_ns);
-        self.playback.apply_due(stamp_ns);
         StateSample {
             sequence: self.sequence,
             stamp_ns,
