@@ -10,8 +10,8 @@
 #include "admittance_client.h"
 #include "plant.h"
 
-/* What this controller accepts of a daemon at most. */
-#define MOST_OFFSET_M_S 1.0
+/* What this controller accepts of a daemon at most. Less than the daemon's own [limits] would refuse its stops. */
+#define MOST_OFFSET_M_S 10.0
 #define MOST_JOINT_OFFSET_RAD_S 6.0
 /* Before the end of a cycle it stops looking for an answer. */
 #define SLACK_NS 400000u

@@ -65,7 +65,7 @@ typedef struct admittance_options {
   uint64_t command_delay_ns;
   /*
    The controller's own limits: the largest magnitude of a velocity offset that it accepts on each axis, m/s and
-   rad/s, x y z rx ry rz. Above 0; INFINITY for none.
+   rad/s, x y z rx ry rz. Above 0; INFINITY for none. Less than the daemon's `[limits]` would refuse its stops.
    */
   double velocity_offset_limit[ADMITTANCED_TASK_AXES];
   /*

@@ -28,7 +28,7 @@ pub struct Options {
     /// When the answer to a sample acts, in ns after its stamp: `control.command_delay_s` of the daemon.
     pub command_delay_ns: u64,
     /// The controller's own limits: the largest magnitude of a velocity offset that it accepts on each axis, m/s and
-    /// rad/s, x y z rx ry rz. Above 0; INFINITY for none.
+    /// rad/s, x y z rx ry rz. Above 0; INFINITY for none. Less than the daemon's `[limits]` would refuse its stops.
     pub velocity_offset_limit: [f64; TASK_AXES],
     /// The same for each joint of its joint-space image, rad/s. Above 0; INFINITY for none.
     pub joint_velocity_offset_limit: [f64; MAX_JOINTS],

@@ -1,4 +1,4 @@
-//! The headers are what the declarations say. `ADMITTANCE_WRITE_DOCS=1` writes them.
+//! The headers, and the schema of the Python package, are what the declarations say. `ADMITTANCE_WRITE_DOCS=1` writes them.
 
 use std::path::{Path, PathBuf};
 
@@ -86,4 +86,10 @@ fn the_header_is_what_the_library_declares() {
 #[test]
 fn the_wire_header_is_what_the_wire_declares() {
     is_up_to_date("admittanced.h", &ipc_types::c_header());
+}
+
+/// From which the Python package makes its samples.
+#[test]
+fn the_schema_of_the_python_package_is_what_the_wire_declares() {
+    is_up_to_date("../../python/admittance/wire.json", &format!("{}\n", ipc_types::schema_json()));
 }

@@ -92,3 +92,23 @@ fn a_limit_that_was_forgotten_is_none() {
     limits.joint_velocity_offset[2] = 0.0;
     assert_eq!(limits.validate(2), Ok(()), "there is no third joint");
 }
+
+/// As `docs/client.md` says for a controller that looks once per update, and acts on the answer to the sample before.
+#[test]
+fn a_controller_that_looks_once_per_update_misses_nothing_by_jitter() {
+    let mut playback = Playback::new(2, SAMPLING_TIME_NS, SAMPLING_TIME_NS);
+    let jittered = |update: u64| stamp(update) + 40_000 * (update * 7 % 5) - 80_000;
+    playback.begin_sample(1, jittered(1));
+    for update in 2..100 {
+        let previous_ns = jittered(update - 1);
+        let at = previous_ns + SAMPLING_TIME_NS;
+        let mut command = answer(update - 1);
+        (command.state_stamp_ns, command.valid_until_ns) = (previous_ns, previous_ns + 4 * SAMPLING_TIME_NS);
+        command.velocity_offset[1] = update as f64;
+        assert_eq!(playback.receive(&command, at), Ok(Reception::InTime));
+        playback.apply_due(at);
+        assert_eq!(playback.applied(at), Applied::Offset(command.velocity_offset), "update {update}");
+        playback.begin_sample(update, jittered(update));
+    }
+    assert_eq!(playback.missed(), 0);
+}
