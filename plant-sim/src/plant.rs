@@ -4,6 +4,7 @@
 
 mod dead_time;
 mod divergence;
+mod led;
 mod measurement;
 mod parameters;
 mod pressing;
@@ -11,6 +12,7 @@ mod retreat;
 mod substep;
 
 pub use divergence::Divergence;
+pub use led::Led;
 pub use measurement::CycleTiming;
 pub use parameters::PlantParameters;
 pub use retreat::Retreated;
@@ -52,6 +54,8 @@ pub struct Plant<const N: usize, const D: usize> {
     /// Largest distance in m of the TCP from each joint's axis, whatever the pose.
     reach: SVector<f64, N>,
     now_ns: u64,
+    /// Instant of the current sample, ns.
+    began_ns: u64,
     sequence: u64,
     index: i64,
     /// When the motion began, in ns; `None` before.
@@ -99,6 +103,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             usual_substep: substep_of(&parameters, parameters.substep_ns),
             reach: reach_of(&parameters.chain),
             now_ns: parameters.first_stamp_ns,
+            began_ns: parameters.first_stamp_ns,
             sequence: 1,
             index,
             motion_began_ns: (index == 0).then_some(parameters.first_stamp_ns),
@@ -170,7 +175,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         // twice.
         let missed_commands = self.playback.missed() + u64::from(missed);
         self.playback.apply_due(self.now_ns);
-        self.truth(timing, missed, missed_commands)
+        self.truth(&Led { timing, applied: self.applied(), missed, missed_commands })
     }
 
     /// Goes on to the next sample: the joints follow the commands, each from the instant at which
@@ -179,8 +184,13 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         let cycle_ns = self.cycle_ns();
         let twist = self.twist_reference();
         self.pass_cycle(&twist);
+        self.lead_on(&twist, cycle_ns);
+    }
+
+    /// The commanded position goes on with the twist, and what is then is measured.
+    fn lead_on(&mut self, twist: &SVector<f64, D>, cycle_ns: u64) {
         let duration_s = seconds(cycle_ns);
-        match advance_reference(&self.parameters.chain, &self.position_reference, &twist, duration_s) {
+        match advance_reference(&self.parameters.chain, &self.position_reference, twist, duration_s) {
             Ok(position) => self.position_reference = position,
             Err(_) => self.singular = true,
         }
@@ -204,7 +214,11 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             let until_ns = until_ns.into_iter().flatten().fold(end_ns, u64::min);
             self.integrate_until(until_ns, start_ns);
         }
-        if self.index < 0 && self.parameters.wait_for_command && !self.playback.has_received() {
+        self.enter_sample(self.playback.has_received());
+    }
+
+    fn enter_sample(&mut self, has_received: bool) {
+        if self.index < 0 && self.parameters.wait_for_command && !has_received {
             self.index = -self.parameters.waiting_samples();
         } else {
             self.index += 1;
@@ -213,6 +227,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             self.motion_began_ns = Some(self.now_ns);
         }
         self.sequence += self.parameters.faults.sequence_step(self.index);
+        self.began_ns = self.now_ns;
         self.playback.begin_sample(self.sequence, self.now_ns);
     }
 
@@ -292,12 +307,12 @@ impl<const N: usize, const D: usize> Plant<N, D> {
 
     /// q̇_ref = J⁻¹(q)(ṗ0 + Δṗ), or zero when holding.
     fn update_reference(&mut self, twist: &SVector<f64, D>) {
-        let reference = self.reference_of(twist);
+        let reference = self.reference_of(&self.applied(), twist);
         self.dead_time.push(self.now_ns, &reference);
     }
 
-    fn reference_of(&mut self, twist: &SVector<f64, D>) -> SVector<f64, N> {
-        let Applied::Offset(offset) = self.applied() else { return SVector::zeros() };
+    fn reference_of(&mut self, applied: &Applied, twist: &SVector<f64, D>) -> SVector<f64, N> {
+        let Applied::Offset(offset) = applied else { return SVector::zeros() };
         let twist = SVector::<f64, D>::from_fn(|axis, _| twist[axis] + offset[axis]);
         if self.fault(FaultKind::DrivesDisabled) || twist.iter().all(|value| *value == 0.0) {
             return SVector::zeros();

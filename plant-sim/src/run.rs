@@ -1,10 +1,10 @@
 //! A plant of any of the known arms behind one interface, and its run in virtual time.
 
-use admittance_client::{Reception, Rejection};
+use admittance_client::{Applied, Reception, Rejection};
 use admittance_core::with_arm;
 use ipc_types::{CommandSample, StateSample, TruthSample, VirtualPlant};
 
-use crate::plant::{CycleTiming, Divergence, Plant, Retreated};
+use crate::plant::{CycleTiming, Divergence, Led, Plant, Retreated};
 use crate::rigid_body::Overload;
 use crate::scenario::Scenario;
 use crate::setup::{self, SetupError};
@@ -29,6 +29,16 @@ pub trait AnyPlant {
     fn settle(&mut self, timing: CycleTiming) -> TruthSample;
     /// Goes on to the next sample.
     fn integrate(&mut self);
+    /// See [`Plant::cycle_end_ns`].
+    fn cycle_end_ns(&self) -> u64;
+    /// See [`Plant::shows_commands`].
+    fn shows_commands(&self) -> bool;
+    /// See [`Plant::led_truth`].
+    fn led_truth(&mut self, led: &Led) -> TruthSample;
+    /// See [`Plant::follow`].
+    fn follow(&mut self, applied: &Applied, until_ns: u64);
+    /// See [`Plant::arrive`].
+    fn arrive(&mut self, has_received: bool);
     /// Whether a valid command was ever received.
     fn has_received(&self) -> bool;
     /// Commands that were not accepted.
@@ -74,6 +84,26 @@ impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
 
     fn integrate(&mut self) {
         self.integrate();
+    }
+
+    fn cycle_end_ns(&self) -> u64 {
+        self.cycle_end_ns()
+    }
+
+    fn shows_commands(&self) -> bool {
+        self.shows_commands()
+    }
+
+    fn led_truth(&mut self, led: &Led) -> TruthSample {
+        self.led_truth(led)
+    }
+
+    fn follow(&mut self, applied: &Applied, until_ns: u64) {
+        self.follow(applied, until_ns);
+    }
+
+    fn arrive(&mut self, has_received: bool) {
+        self.arrive(has_received);
     }
 
     fn has_received(&self) -> bool {

@@ -2,10 +2,10 @@
 
 mod common;
 
-use admittance_client::Rejection;
+use admittance_client::{Playback, Rejection};
 use common::{command, paper, scenario};
 use ipc_types::{CommandSample, Motion, StateSample, TruthSample, VirtualPlant};
-use plant_sim::plant::{CycleTiming, Plant};
+use plant_sim::plant::{CycleTiming, Led, Plant};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 use plant_sim::setup;
@@ -347,4 +347,40 @@ fn disabled_drives_brake_the_arm_and_stop_its_command() {
     assert!(at(0.18).joint_velocity[1].abs() > 0.05);
     assert!(at(0.39).joint_velocity[1].abs() < 1e-4);
     assert!(at(0.5).joint_velocity[1].abs() > 0.05, "and then it goes on");
+}
+
+/// A plant that is led from outside by the rules of the client moves as the one that plays by itself, bit for bit.
+#[test]
+fn a_led_plant_moves_as_one_that_plays_commands_itself() {
+    let mut scenario = paper(0.0);
+    scenario.timing.command_delay_s = 0.00025;
+    let (mut own, mut led) = (plant(&scenario), plant(&scenario));
+    let mut playback = Playback::new(2, 250_000, SAMPLING_TIME_NS);
+    for cycle in 0..400 {
+        let measured = StateSample { applied_command_sequence: playback.applied_sequence(), ..*led.sample() };
+        assert_eq!(*own.sample(), measured, "cycle {cycle}");
+        let state = *own.sample();
+        playback.begin_sample(state.sequence, state.stamp_ns);
+        // Every fourth is missed, and its plan played on.
+        if cycle % 4 != 3 {
+            let answer = planned(&state, 250_000);
+            own.receive(&answer, own.now_ns()).expect("acceptable");
+            playback.receive(&answer, own.now_ns()).expect("acceptable");
+        }
+        let end_ns = led.cycle_end_ns();
+        let missed = playback.is_missing(end_ns);
+        let missed_commands = playback.missed() + u64::from(missed);
+        playback.apply_due(led.now_ns());
+        let applied = playback.applied(led.now_ns());
+        let told = Led { timing: CycleTiming::default(), applied, missed, missed_commands };
+        assert_eq!(own.settle(CycleTiming::default()), led.led_truth(&told), "cycle {cycle}");
+        own.integrate();
+        while led.now_ns() < end_ns {
+            playback.apply_due(led.now_ns());
+            let until = [playback.next_due(), playback.next_change(led.now_ns())];
+            led.follow(&playback.applied(led.now_ns()), until.into_iter().flatten().fold(end_ns, u64::min));
+        }
+        led.arrive(playback.has_received());
+    }
+    assert!(own.sample().wrench[1] != 0.0, "it touches");
 }

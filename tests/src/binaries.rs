@@ -17,6 +17,10 @@ pub struct Binaries {
     pub admittancectl: PathBuf,
     /// What developers measure with.
     pub admittance_lab: PathBuf,
+    /// The C client, from which its libraries are installed.
+    pub client_archive: PathBuf,
+    /// The plant for a controller in C.
+    pub plant_library: PathBuf,
 }
 
 /// Builds the programs in the profile of the running test and says where they are. `cargo test` has
@@ -36,7 +40,7 @@ fn build() -> Binaries {
     let mut child = Command::new(cargo)
         // All members, as for `cargo test`: features of a dependency are chosen for what is built
         // together.
-        .args(["build", "--workspace", "--bins", "--message-format=json-render-diagnostics"])
+        .args(["build", "--workspace", "--bins", "--lib", "--message-format=json-render-diagnostics"])
         .args(["--profile", profile(&test)])
         .current_dir(root)
         .stdin(Stdio::null())
@@ -45,7 +49,7 @@ fn build() -> Binaries {
         .expect("cargo starts: it started this test");
     let messages = std::io::BufReader::new(child.stdout.take().expect("stdout is piped")).lines();
     let programs: Vec<(String, PathBuf)> =
-        messages.map_while(Result::ok).filter_map(|message| program(&message)).collect();
+        messages.map_while(Result::ok).filter_map(|message| artifact(&message)).collect();
     let status = child.wait().expect("cargo is a child of this process");
     assert!(status.success(), "the programs do not build: {status}");
     let path = |name: &str| {
@@ -57,6 +61,8 @@ fn build() -> Binaries {
         plant_sim: path("plant-sim"),
         admittancectl: path("admittancectl"),
         admittance_lab: path("admittance-lab"),
+        client_archive: path("admittance_client_c"),
+        plant_library: path("plant_library"),
     }
 }
 
@@ -70,12 +76,24 @@ fn profile(test: &Path) -> &str {
     }
 }
 
-/// Name and path of the program that a line of cargo's output reports.
-fn program(message: &str) -> Option<(String, PathBuf)> {
+/// Name and path of the program, or the library for C, that a line of cargo's output reports.
+fn artifact(message: &str) -> Option<(String, PathBuf)> {
     let message: serde_json::Value = serde_json::from_str(message).ok()?;
     let target = &message["target"];
-    let is_program = target["kind"].as_array()?.iter().any(|kind| kind == "bin");
-    let path = message["executable"].as_str().filter(|_| is_program)?;
+    let is_of = |kind: &str| target["kind"].as_array().is_some_and(|kinds| kinds.iter().any(|found| found == kind));
+    let file = |ending: &str| {
+        let files = message["filenames"].as_array()?;
+        files.iter().filter_map(|file| file.as_str()).find(|file| file.ends_with(ending))
+    };
+    let path = if is_of("bin") {
+        message["executable"].as_str()?
+    } else if is_of("staticlib") {
+        file(".a")?
+    } else if is_of("cdylib") {
+        file(".so")?
+    } else {
+        return None;
+    };
     Some((target["name"].as_str()?.to_owned(), PathBuf::from(path)))
 }
 
@@ -92,14 +110,17 @@ mod tests {
     }
 
     #[test]
-    fn only_programs_are_taken_from_the_output_of_cargo() {
-        let artifact = |kind: &str, executable: &str| {
-            format!(r#"{{"reason":"x","target":{{"kind":["{kind}"],"name":"n"}},"executable":{executable}}}"#)
+    fn only_programs_and_libraries_for_c_are_taken_from_the_output_of_cargo() {
+        let line = |kind: &str, executable: &str| {
+            format!(
+                r#"{{"reason":"x","target":{{"kind":["{kind}"],"name":"n"}},"executable":{executable},"filenames":["/t/n.rlib","/t/n.a"]}}"#
+            )
         };
-        assert_eq!(program(&artifact("bin", r#""/t/n""#)), Some(("n".to_owned(), PathBuf::from("/t/n"))));
-        assert_eq!(program(&artifact("bin", "null")), None);
-        assert_eq!(program(&artifact("test", r#""/t/n""#)), None);
-        assert_eq!(program(r#"{"reason":"build-finished","success":true}"#), None);
-        assert_eq!(program("no json"), None);
+        assert_eq!(artifact(&line("bin", r#""/t/n""#)), Some(("n".to_owned(), PathBuf::from("/t/n"))));
+        assert_eq!(artifact(&line("bin", "null")), None);
+        assert_eq!(artifact(&line("test", r#""/t/n""#)), None);
+        assert_eq!(artifact(&line("staticlib", "null")), Some(("n".to_owned(), PathBuf::from("/t/n.a"))));
+        assert_eq!(artifact(r#"{"reason":"build-finished","success":true}"#), None);
+        assert_eq!(artifact("no json"), None);
     }
 }

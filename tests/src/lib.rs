@@ -6,6 +6,7 @@
 //! hangs; no test asserts how fast something is.
 
 mod binaries;
+pub mod c_controller;
 mod child;
 pub mod closed_loop;
 mod driven_clock;

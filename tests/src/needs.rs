@@ -33,6 +33,8 @@ pub enum Need {
     Systemd,
     /// strace, and the permission to trace.
     Strace,
+    /// gcc, g++, pkg-config and nm.
+    CToolchain,
 }
 
 /// Whether the machine has what a test needs. If not, says `SKIPPED: reason`, and the test returns:
@@ -86,6 +88,9 @@ fn look_for(need: Need) -> Result<(), String> {
         Need::Root => root(),
         Need::Systemd => root().and_then(|()| systemd()),
         Need::Strace => run("strace", &["-o", "/dev/null", "true"]),
+        Need::CToolchain => {
+            ["gcc", "g++", "pkg-config", "nm"].iter().try_for_each(|program| run(program, &["--version"]))
+        }
     }
 }
 

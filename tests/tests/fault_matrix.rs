@@ -1,4 +1,4 @@
-//! The fault matrix: one test per row and situation, named after both; and the page that is written
+//! The fault matrix: one test per row and situation, named after both, and again with a motion controller in C; and the page that is written
 //! from the same table.
 //!
 //! `cargo test --test fault_matrix nan_` runs some; `ADMITTANCE_WRITE_DOCS=1` writes
@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use end_to_end::fault_matrix::row::{Row, Situation};
-use end_to_end::fault_matrix::{page, rows, run};
+use end_to_end::fault_matrix::{is_for_c, page, rows, run, run_in_c};
 use libtest_mimic::{Arguments, Failed, Trial};
 
 /// Rows at a time: each is three real-time programs.
@@ -19,13 +19,17 @@ fn main() -> ExitCode {
     arguments.test_threads.get_or_insert(THREADS);
     let mut trials = vec![Trial::test("docs_page_is_up_to_date", docs_page), Trial::test("names_are_unique", names)];
     for row in rows() {
-        trials.extend(Situation::ALL.map(|situation| trial(row.clone(), situation, arguments.nocapture)));
+        trials.extend(Situation::ALL.map(|situation| trial("", run, &row, situation, arguments.nocapture)));
+        if is_for_c(&row) {
+            let in_c = |situation| trial("in_c::", run_in_c, &row, situation, arguments.nocapture);
+            trials.extend(Situation::ALL.map(in_c));
+        }
     }
     libtest_mimic::run(&arguments, trials).exit_code()
 }
 
-fn trial(row: Row, situation: Situation, is_told: bool) -> Trial {
-    let name = format!("{}::{}", row.name, situation.name());
+fn trial(group: &str, run: fn(&Row, Situation) -> String, row: &Row, situation: Situation, is_told: bool) -> Trial {
+    let (name, row) = (format!("{group}{}::{}", row.name, situation.name()), row.clone());
     Trial::test(name, move || {
         let report = run(&row, situation);
         if is_told {

@@ -21,10 +21,14 @@
 //! assert_eq!(playback.applied(16_000_000), Applied::Hold);
 //! ```
 
+mod controller;
+mod limits;
 mod playback;
 mod ports;
 mod rejection;
 
+pub use controller::{Arm, Controller, ControllerError};
+pub use limits::{LimitError, Limits};
 pub use playback::{Applied, Playback, Reception};
 pub use ports::{OpenError, Ports, Slot};
 pub use rejection::Rejection;

@@ -6,6 +6,7 @@ use std::collections::VecDeque;
 
 use ipc_types::{CommandSample, Motion, TASK_AXES};
 
+use crate::limits::Limits;
 use crate::rejection::{Rejection, check};
 
 /// Answered samples that are kept after their command was due, to check the stamps of late answers.
@@ -42,9 +43,12 @@ struct Slot {
 #[derive(Debug, Clone)]
 pub struct Playback {
     joint_count: u32,
+    limits: Limits,
     delay_ns: u64,
     slots: VecDeque<Slot>,
     capacity: usize,
+    /// Stamp of the first sample of this boot.
+    first_stamp_ns: Option<u64>,
     in_force: Option<CommandSample>,
     late: Option<CommandSample>,
     first_answered: Option<u64>,
@@ -54,15 +58,22 @@ pub struct Playback {
 }
 
 impl Playback {
-    /// For a robot of this size; commands act `delay_ns` after their sample. No further allocation
-    /// follows.
+    /// For a robot of this size, without limits of its own; commands act `delay_ns` after their sample. No further
+    /// allocation follows.
     pub fn new(joint_count: usize, delay_ns: u64, sampling_time_ns: u64) -> Self {
+        Self::with_limits(joint_count, delay_ns, sampling_time_ns, Limits::NONE)
+    }
+
+    /// The same for a motion controller that refuses what is beyond its limits.
+    pub fn with_limits(joint_count: usize, delay_ns: u64, sampling_time_ns: u64, limits: Limits) -> Self {
         let capacity = (delay_ns / sampling_time_ns) as usize + 2 + REMEMBERED;
         Self {
             joint_count: joint_count as u32,
+            limits,
             delay_ns,
             slots: VecDeque::with_capacity(capacity),
             capacity,
+            first_stamp_ns: None,
             in_force: None,
             late: None,
             first_answered: None,
@@ -78,7 +89,8 @@ impl Playback {
         if self.slots.len() == self.capacity {
             self.slots.pop_front();
         }
-        let due_ns = stamp_ns + self.delay_ns;
+        self.first_stamp_ns.get_or_insert(stamp_ns);
+        let due_ns = stamp_ns.saturating_add(self.delay_ns);
         self.slots.push_back(Slot { sequence, stamp_ns, due_ns, command: None, resolved: false });
         if let Some(late) = self.late.take() {
             self.in_force = Some(late);
@@ -110,7 +122,7 @@ impl Playback {
     }
 
     fn validate(&self, command: &CommandSample) -> Result<(), Rejection> {
-        let (sequence, motion) = (command.sequence, check(command, self.joint_count)?);
+        let (sequence, motion) = (command.sequence, check(command, self.joint_count, &self.limits)?);
         let (answered, stamp_ns) = (command.state_sequence, command.state_stamp_ns);
         if answered == 0 && motion == Motion::Hold {
             // From a daemon that ends before it has answered anything: holding is always right.
@@ -119,13 +131,21 @@ impl Playback {
         if answered < self.newest_answered {
             return Err(Rejection::Older { answered, newest: self.newest_answered, sequence });
         }
-        // A sample this old was published: commands for it are late but valid.
-        let remembered = self.slots.iter().find(|slot| slot.sequence == answered);
-        let newest = self.slots.back().map_or(0, |slot| slot.sequence);
-        if answered == 0 || answered > newest || remembered.is_some_and(|slot| slot.stamp_ns != stamp_ns) {
+        let is_own = match self.slots.iter().find(|slot| slot.sequence == answered) {
+            Some(remembered) => remembered.stamp_ns == stamp_ns,
+            // A sample this old was published: commands for it are late but valid. One of an earlier boot may have
+            // had its number, and a stamp from before this boot.
+            None => self.was_before_the_remembered(answered, stamp_ns),
+        };
+        if !is_own {
             return Err(Rejection::UnknownSample { answered, stamp_ns, sequence });
         }
         Ok(())
+    }
+
+    fn was_before_the_remembered(&self, answered: u64, stamp_ns: u64) -> bool {
+        let (Some(oldest), Some(first_stamp_ns)) = (self.slots.front(), self.first_stamp_ns) else { return false };
+        (1..oldest.sequence).contains(&answered) && (first_stamp_ns..oldest.stamp_ns).contains(&stamp_ns)
     }
 
     /// When the next command is due that has neither been applied nor missed yet.

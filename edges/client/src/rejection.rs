@@ -2,6 +2,8 @@
 
 use ipc_types::{CommandSample, MAX_PLAN, Motion};
 
+use crate::limits::Limits;
+
 /// Why a command is not accepted; without another answer in time it is missed.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Rejection {
@@ -39,6 +41,20 @@ pub enum Rejection {
         /// Sequence of the command.
         sequence: u64,
     },
+    /// It asks for more than this motion controller allows.
+    #[error("{field}[{index}] of command {sequence} is {value}; this motion controller accepts {limit} at most")]
+    BeyondLimit {
+        /// Name of the field.
+        field: &'static str,
+        /// Axis or joint, from 0.
+        index: usize,
+        /// What it asks for, m/s or rad/s.
+        value: f64,
+        /// The controller's own limit of the magnitude.
+        limit: f64,
+        /// Sequence of the command.
+        sequence: u64,
+    },
     /// It answers an older sample than a command received before.
     #[error("command {sequence} answers sample {answered}; sample {newest} was answered before")]
     Older {
@@ -63,11 +79,11 @@ pub enum Rejection {
     },
 }
 
-/// Checks a command for a robot of this many joints.
+/// Checks a command for a robot of this many joints. What a hold would move by does not matter.
 ///
 /// # Errors
 /// The first [`Rejection`] found.
-pub(crate) fn check(command: &CommandSample, joint_count: u32) -> Result<Motion, Rejection> {
+pub(crate) fn check(command: &CommandSample, joint_count: u32, limits: &Limits) -> Result<Motion, Rejection> {
     let sequence = command.sequence;
     if command.joint_count != joint_count {
         return Err(Rejection::JointCount { got: command.joint_count, expected: joint_count, sequence });
@@ -89,6 +105,9 @@ pub(crate) fn check(command: &CommandSample, joint_count: u32) -> Result<Motion,
     ];
     if let Some((field, _)) = fields.into_iter().find(|(_, finite)| !finite) {
         return Err(Rejection::NotFinite { field, sequence });
+    }
+    if motion == Motion::Offset {
+        limits.check(command)?;
     }
     Ok(motion)
 }

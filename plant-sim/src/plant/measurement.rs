@@ -4,7 +4,7 @@ use admittance_client::Applied;
 use ipc_types::{MAX_JOINTS, Motion, StateSample, TASK_AXES, TruthSample};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
-use super::Plant;
+use super::{Led, Plant};
 use crate::environment::Contact;
 
 /// What the shell measured about one cycle.
@@ -75,10 +75,10 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         self.parameters.faults.falsify(&mut self.sample, self.index, self.parameters.sampling_time_ns);
     }
 
-    pub(super) fn truth(&mut self, timing: CycleTiming, missed: bool, missed_commands: u64) -> TruthSample {
+    pub(super) fn truth(&mut self, led: &Led) -> TruthSample {
         let pose = &self.kinematics.pose;
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(pose.rotation));
-        let (motion, offset) = match self.applied() {
+        let (motion, offset) = match led.applied {
             Applied::Offset(offset) => (Motion::Offset, offset),
             Applied::Hold => (Motion::Hold, [0.0; TASK_AXES]),
         };
@@ -86,13 +86,13 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             sequence: self.sequence,
             stamp_ns: self.now_ns,
             boot_id: self.parameters.boot_id,
-            answer_time_ns: timing.answer_time_ns,
-            missed_commands,
-            lateness_ns: timing.lateness_ns,
+            answer_time_ns: led.timing.answer_time_ns,
+            missed_commands: led.missed_commands,
+            lateness_ns: led.timing.lateness_ns,
             in_contact: u32::from(self.contact.touches),
             contact_losses: self.contact_losses,
             motion: motion.code(),
-            missed: u32::from(missed),
+            missed: u32::from(led.missed),
             scenario_time_s: self.scenario_time_s(),
             normal_force_n: self.contact.normal_force,
             penetration_m: self.contact.penetration,

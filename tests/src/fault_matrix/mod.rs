@@ -7,6 +7,7 @@ mod files;
 mod force;
 mod inject;
 mod injection;
+mod leader;
 mod observe;
 mod page;
 mod process_rows;
@@ -18,8 +19,9 @@ mod sample_rows;
 mod setup_rows;
 mod watch;
 
+pub use leader::is_for_c;
 pub use page::page;
-pub use run::run;
+pub use run::{run, run_in_c};
 
 use row::{Expectation, FREE, Force, Injection, Key, Line, Robot, Row, Said, Timeline, Who};
 

@@ -5,8 +5,8 @@ use ipc_types::Motion;
 use super::files::{sound_daemon_file, sound_scenario_file};
 use super::row::{Injection, Said, Situation, Step, Who};
 use super::run::{FAULT_AT_S, FREE_MOTION_S, Stage, Wrong};
-use crate::session::{ctl_command, plant_command, write};
-use crate::{Child, PATIENCE};
+use crate::PATIENCE;
+use crate::session::{ctl_command, write};
 
 /// Commands in a row after which control counts as back.
 const COMMANDS: usize = 10;
@@ -88,7 +88,7 @@ fn take(stage: &mut Stage<'_>, step: Step) -> Result<(), Wrong> {
 fn start_plant(stage: &mut Stage<'_>) -> Result<(), Wrong> {
     let scenario = write(&stage.ipc, "scenario.toml", &sound_scenario_file(stage.row, stage.situation));
     let boot = stage.watcher.seen().truth().map_or(0, |truth| truth.boot_id);
-    stage.plant = Child::spawn(&mut plant_command(&stage.ipc, &scenario));
+    stage.plant = stage.leader.start(&stage.ipc, &scenario);
     // Times of the motion are those of the new one from here on.
     stage.wait("the new motion controller", |seen| seen.truth().is_some_and(|truth| truth.boot_id != boot))
 }

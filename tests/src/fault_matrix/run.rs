@@ -7,11 +7,13 @@ use admittance_host::clock::monotonic_ns;
 use ipc_types::CommandSample;
 
 use super::files::{daemon_file, scenario_file};
+use super::leader::Leader;
 use super::row::{Injection, Row, Said, Situation, Who};
 use super::watch::{Seen, Watcher};
 use super::{observe, recover};
+use crate::c_controller::TruthRelay;
 use crate::machine::{note, undisturbed};
-use crate::session::{plant_command, start_daemon, write};
+use crate::session::{start_daemon, write};
 use crate::{Child, Need, PATIENCE, PrivateIpc, needs};
 
 /// When the fault comes, in s after the start of the motion: before the touch, or well after it.
@@ -33,6 +35,7 @@ pub(super) struct Stage<'a> {
     pub(super) plant: Child,
     pub(super) newcomer: Option<Child>,
     pub(super) watcher: Watcher,
+    pub(super) leader: Leader,
     /// What ended daemons wrote.
     pub(super) log: String,
     /// A phase of the motion was over before its step of the recovery was taken.
@@ -58,11 +61,26 @@ pub(super) type Wrong = String;
 /// # Panics
 /// When what is seen is not what the row says.
 pub fn run(row: &Row, situation: Situation) -> String {
+    run_led_by(row, situation, |_| Leader::PlantSim)
+}
+
+/// The same with a motion controller in C.
+///
+/// # Panics
+/// As [`run`].
+pub fn run_in_c(row: &Row, situation: Situation) -> String {
+    if !needs(Need::CToolchain) {
+        return String::new();
+    }
+    run_led_by(row, situation, |ipc| Leader::C(TruthRelay::new(ipc)))
+}
+
+fn run_led_by(row: &Row, situation: Situation, leader: impl Fn(&PrivateIpc) -> Leader) -> String {
     if row.injection.needs_root() && !needs(Need::Root) {
         return String::new();
     }
     let report = undisturbed(|| {
-        let mut stage = Stage::open(row, situation);
+        let mut stage = Stage::open(row, situation, &leader);
         let Err(wrong) = stage.play() else { return std::mem::take(&mut stage.report) };
         stage.log += &stage.daemon.stderr();
         if let Some(disturbance) = observe::disturbance(&stage) {
@@ -83,13 +101,14 @@ pub fn run(row: &Row, situation: Situation) -> String {
 }
 
 impl<'a> Stage<'a> {
-    fn open(row: &'a Row, situation: Situation) -> Self {
+    fn open(row: &'a Row, situation: Situation, leader: impl Fn(&PrivateIpc) -> Leader) -> Self {
         let ipc = PrivateIpc::new("planar");
+        let leader = leader(&ipc);
         let config = write(&ipc, "daemon.toml", &daemon_file(row));
         let daemon = start_daemon(&ipc, &config);
         let watcher = Watcher::new(ipc.settings());
         let scenario = write(&ipc, "scenario.toml", &scenario_file(row, situation));
-        let plant = Child::spawn(&mut plant_command(&ipc, &scenario));
+        let plant = leader.start(&ipc, &scenario);
         Self {
             row,
             situation,
@@ -97,6 +116,7 @@ impl<'a> Stage<'a> {
             plant,
             newcomer: None,
             watcher,
+            leader,
             log: String::new(),
             too_late: false,
             report: String::new(),

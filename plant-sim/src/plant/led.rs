@@ -1,0 +1,53 @@
+//! A plant that a motion controller of another program leads: commands, and when they act, are its business.
+
+use admittance_client::Applied;
+use ipc_types::TruthSample;
+
+use super::{CycleTiming, Plant};
+use crate::faults::FaultKind;
+
+/// What the leading controller says about the current cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Led {
+    /// Of publishing and answering.
+    pub timing: CycleTiming,
+    /// What the joints follow at the instant of the sample.
+    pub applied: Applied,
+    /// Whether a command that is due within this cycle is missing.
+    pub missed: bool,
+    /// Commands that were missed so far.
+    pub missed_commands: u64,
+}
+
+impl<const N: usize, const D: usize> Plant<N, D> {
+    /// When the cycle of the current sample ends, in ns.
+    pub fn cycle_end_ns(&self) -> u64 {
+        self.began_ns + self.cycle_ns()
+    }
+
+    /// Whether the controller can see commands at the current sample: a fault may hide them.
+    pub fn shows_commands(&self) -> bool {
+        !self.fault(FaultKind::CommandLoss)
+    }
+
+    /// The truth at the instant of the current sample; call it before [`Self::follow`].
+    pub fn led_truth(&mut self, led: &Led) -> TruthSample {
+        self.truth(led)
+    }
+
+    /// The joints follow this from here to `until_ns`, at most to the end of the cycle.
+    pub fn follow(&mut self, applied: &Applied, until_ns: u64) {
+        let twist = self.twist_reference();
+        let reference = self.reference_of(applied, &twist);
+        self.dead_time.push(self.now_ns, &reference);
+        self.integrate_until(until_ns.min(self.cycle_end_ns()), self.began_ns);
+    }
+
+    /// Goes on to the next sample, when the joints were led to the end of the cycle. `has_received` says whether the
+    /// controller ever had a command: the motion may wait for it.
+    pub fn arrive(&mut self, has_received: bool) {
+        let (twist, cycle_ns) = (self.twist_reference(), self.cycle_ns());
+        self.enter_sample(has_received);
+        self.lead_on(&twist, cycle_ns);
+    }
+}
