@@ -621,7 +621,7 @@ ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_band_n
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_normal) == 3040, "admittanced_record_sample.believed_normal");
 
 /* How the daemon is doing: a few times a second. Written by admittanced (service thread). */
-#define ADMITTANCED_DIAGNOSTICS_SAMPLE_TYPE_NAME "admittanced.DiagnosticsSample.v3"
+#define ADMITTANCED_DIAGNOSTICS_SAMPLE_TYPE_NAME "admittanced.DiagnosticsSample.v4"
 typedef struct admittanced_diagnostics_sample {
     /* Number of this sample; restarts at 1 with a new boot_id. Unit: 1. Range: >= 1, one more with every sample. */
     uint64_t sequence;
@@ -697,8 +697,14 @@ typedef struct admittanced_diagnostics_sample {
     uint64_t state_stamp_ns;
     /* Of the last 100 state samples up to that one, how many were never seen. Unit: 1. Range: 0 to 100. */
     uint64_t missed_lately;
+    /* Stiffness along the normal as it is believed to be at that one; out of contact what the next touch begins with. 0 before the first. Unit: N/m. Range: >= 0. */
+    double believed_stiffness_n_m;
+    /* Least and greatest that it may be, as in the record. Unit: N/m. Range: >= 0. */
+    double believed_stiffness_band_n_m[2];
+    /* Angle between the believed surface normal and the one in force; 0 where no tolerance of it is told. Unit: rad. Range: >= 0, finite. */
+    double believed_tilt_rad;
 } admittanced_diagnostics_sample;
-ADMITTANCED_ASSERT(sizeof(admittanced_diagnostics_sample) == 568, "admittanced_diagnostics_sample");
+ADMITTANCED_ASSERT(sizeof(admittanced_diagnostics_sample) == 600, "admittanced_diagnostics_sample");
 ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_diagnostics_sample) == 8, "admittanced_diagnostics_sample");
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, sequence) == 0, "admittanced_diagnostics_sample.sequence");
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, stamp_ns) == 8, "admittanced_diagnostics_sample.stamp_ns");
@@ -737,5 +743,8 @@ ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, answer_last_second_n
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, exceeded_count) == 544, "admittanced_diagnostics_sample.exceeded_count");
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, state_stamp_ns) == 552, "admittanced_diagnostics_sample.state_stamp_ns");
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, missed_lately) == 560, "admittanced_diagnostics_sample.missed_lately");
+ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, believed_stiffness_n_m) == 568, "admittanced_diagnostics_sample.believed_stiffness_n_m");
+ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, believed_stiffness_band_n_m) == 576, "admittanced_diagnostics_sample.believed_stiffness_band_n_m");
+ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, believed_tilt_rad) == 592, "admittanced_diagnostics_sample.believed_tilt_rad");
 
 #endif
