@@ -3,21 +3,43 @@
 
 use std::path::PathBuf;
 
-use admittance_core::robot::{Chain, Joint, Pose, SUPPORTED_ARMS, VelocityLoops, rotation_from_rpy};
+use admittance_core::robot::{Chain, Joint, JointKind, Pose, SUPPORTED_ARMS, VelocityLoops, rotation_from_rpy};
 use admittance_core::with_arm;
 
 use crate::config::ConfigError;
 
+crate::config_enum! {
+    /// How a joint moves along its axis.
+    pub enum KindName {
+        /// It turns: position, speed and limits in rad.
+        Revolute = "revolute",
+        /// It slides: position, speed and limits in m, also where a key ends in rad.
+        Prismatic = "prismatic",
+    }
+}
+
+impl KindName {
+    /// As the law has it.
+    pub fn kind(self) -> JointKind {
+        match self {
+            Self::Revolute => JointKind::Revolute,
+            Self::Prismatic => JointKind::Prismatic,
+        }
+    }
+}
+
 crate::config_section! {
-    /// One revolute joint, in the manner of URDF.
+    /// One joint, in the manner of URDF.
     pub struct JointDescription {
         /// Origin of the joint frame in the parent's frame.
         origin_m: [f64; 3], unit "m", range -10.0..=10.0;
         /// Orientation of the joint frame in the parent's frame: fixed-axis roll, pitch, yaw.
         origin_rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;
-        /// Axis in the joint frame about which a positive angle turns right-handed; any length
-        /// above zero.
+        /// Axis in the joint frame about which a positive angle turns right-handed, or along which
+        /// a prismatic joint slides; any length above zero.
         axis: [f64; 3] = [0.0, 0.0, 1.0], unit "1", range -1.0..=1.0;
+        /// Whether it turns or slides: what it is measured in.
+        kind: KindName = KindName::Revolute;
     }
 }
 
@@ -72,7 +94,7 @@ fn check_source(source: &SourceDescription, path: &str, errors: &mut Vec<ConfigE
 }
 
 crate::config_section! {
-    /// The arm: a serial chain of revolute joints with velocity-controlled drives.
+    /// The arm: a serial chain of joints, revolute or prismatic, with velocity-controlled drives.
     pub struct RobotDescription {
         /// What logs call it.
         name: String, length 1..=64;
@@ -180,6 +202,7 @@ impl RobotDescription {
                 origin: joint.origin_m.into(),
                 rotation: rotation_from_rpy(joint.origin_rpy_rad),
                 axis: joint.axis.into(),
+                kind: joint.kind.kind(),
             })
             .collect();
         let tool = Pose { position: self.tool.origin_m.into(), rotation: rotation_from_rpy(self.tool.origin_rpy_rad) };

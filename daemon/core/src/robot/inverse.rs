@@ -56,7 +56,7 @@ pub fn right_inverse<const N: usize, const D: usize>(
 }
 
 impl<const N: usize, const D: usize> InverseJacobian<N, D> {
-    /// Joint velocity in rad/s for a TCP twist in m/s and rad/s (8).
+    /// Joint velocity in rad/s or m/s for a TCP twist in m/s and rad/s (8).
     pub fn joint_velocity(&self, twist: &SVector<f64, D>) -> SVector<f64, N> {
         self.matrix * twist
     }

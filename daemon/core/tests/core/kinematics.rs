@@ -1,6 +1,6 @@
 //! Kinematics against golden/kinematics.json, which an independent script computes with 80 digits.
 
-use admittance_core::robot::{Chain, Joint, Pose, Posture, right_inverse, rotation_from_rpy};
+use admittance_core::robot::{Chain, Joint, JointKind, Pose, Posture, right_inverse, rotation_from_rpy};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::Deserialize;
 use std::f64::consts::PI;
@@ -140,10 +140,18 @@ fn poses_and_jacobians_of_seven_joints_are_golden() {
 }
 
 #[test]
+fn poses_and_jacobians_with_prismatic_joints_are_golden() {
+    check_poses::<4>();
+    check_poses::<8>();
+}
+
+#[test]
 fn right_inverse_inverts_and_has_least_norm() {
     check_inverse::<2, 2>();
     check_inverse::<6, 6>();
     check_inverse::<7, 6>();
+    check_inverse::<4, 3>();
+    check_inverse::<8, 6>();
 }
 
 #[test]
@@ -231,7 +239,8 @@ fn opposite_turns_of_nearly_half_a_turn_differ_in_sign_only() {
 
 #[test]
 fn what_is_no_chain_is_refused() {
-    let joint = Joint { origin: Vector3::zeros(), rotation: Matrix3::identity(), axis: Vector3::z() };
+    let kind = JointKind::Revolute;
+    let joint = Joint { origin: Vector3::zeros(), rotation: Matrix3::identity(), axis: Vector3::z(), kind };
     let tool = Pose { position: Vector3::x(), rotation: Matrix3::identity() };
     assert!(Chain::new([joint; 2], tool).is_ok());
     let bad_axes = [Vector3::zeros(), Vector3::new(f64::NAN, 0.0, 1.0), Vector3::new(f64::INFINITY, 0.0, 0.0)];
@@ -253,14 +262,25 @@ fn what_is_no_chain_is_refused() {
     assert!(error.to_string().starts_with("tool:"), "{error}");
 }
 
-/// J̇ q̇ against the difference of J q̇ on both sides of an arm whose joints turn about all axes.
+/// J̇ q̇ against the difference of J q̇ on both sides of an arm whose joints turn about all axes, or
+/// slide along some.
 #[test]
 fn the_acceleration_at_constant_joint_velocity_is_the_derivative_of_the_twist() {
+    check_acceleration([JointKind::Revolute; 7]);
+    let mut kinds = [JointKind::Revolute; 7];
+    for index in [1, 4] {
+        kinds[index] = JointKind::Prismatic;
+        check_acceleration(kinds);
+    }
+}
+
+fn check_acceleration(kinds: [JointKind; 7]) {
     const STEP: f64 = 1e-5;
     let joint = |index: usize| Joint {
         origin: Vector3::new(0.1, 0.3 / (1.0 + index as f64), 0.2),
         rotation: rotation_from_rpy([0.4 * index as f64, -0.7, 0.3]),
         axis: [Vector3::z(), Vector3::y(), Vector3::new(1.0, 1.0, 0.0)][index % 3],
+        kind: kinds[index],
     };
     let tool = Pose { position: Vector3::new(0.1, 0.0, 0.2), rotation: Matrix3::identity() };
     let chain = Chain::<7>::new(std::array::from_fn(joint), tool).expect("a chain");
