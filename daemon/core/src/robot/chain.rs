@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 
+use super::{InverseJacobian, Singular, TaskAxes, right_inverse};
 use crate::quantities::on_task_axes;
 
 /// How a joint moves along its axis: its position q is in rad or in m, and so are velocity,
@@ -87,12 +88,22 @@ pub struct Kinematics<const N: usize> {
     /// J(q), 6×N: rows x y z in m, then rx ry rz in rad, each per rad or m of its joint, in the base
     /// frame, at the TCP.
     pub jacobian: SMatrix<f64, 6, N>,
+    /// The axes of the task.
+    pub axes: TaskAxes,
 }
 
 impl<const N: usize> Kinematics<N> {
-    /// The D task rows of the Jacobian, D×N.
+    /// The D task rows of the Jacobian, D×N; zero on axes that are none of the task.
     pub fn task_jacobian<const D: usize>(&self) -> SMatrix<f64, D, N> {
-        SMatrix::from_fn(|axis, joint| self.jacobian[(axis, joint)])
+        SMatrix::from_fn(|axis, joint| if self.axes.has(axis) { self.jacobian[(axis, joint)] } else { 0.0 })
+    }
+
+    /// The right inverse of that; see [`right_inverse`].
+    ///
+    /// # Errors
+    /// [`Singular`] with the reciprocal condition number found.
+    pub fn inverse<const D: usize>(&self, least: f64) -> Result<InverseJacobian<N, D>, Singular> {
+        right_inverse(&self.task_jacobian(), self.axes, least)
     }
 }
 
@@ -101,6 +112,7 @@ impl<const N: usize> Kinematics<N> {
 pub struct Chain<const N: usize> {
     joints: [Joint; N],
     tool: Pose,
+    axes: TaskAxes,
 }
 
 /// Why a description is not a serial chain.
@@ -160,7 +172,18 @@ impl<const N: usize> Chain<N> {
         if !is_frame(&tool.position, &tool.rotation) {
             return Err(ChainError::Frame { joint: None });
         }
-        Ok(Self { joints, tool })
+        Ok(Self { joints, tool, axes: TaskAxes::ALL })
+    }
+
+    /// The same with a task on these axes only.
+    #[must_use]
+    pub fn with_axes(self, axes: TaskAxes) -> Self {
+        Self { axes, ..self }
+    }
+
+    /// The axes of the task: all, unless it was told.
+    pub fn axes(&self) -> TaskAxes {
+        self.axes
     }
 
     /// The joints, base first, their axes of length 1.
@@ -203,6 +226,6 @@ impl<const N: usize> Chain<N> {
                 jacobian[(row + 3, index)] = angular[row];
             }
         }
-        Kinematics { pose: Pose { position, rotation }, jacobian }
+        Kinematics { pose: Pose { position, rotation }, jacobian, axes: self.axes }
     }
 }

@@ -28,6 +28,7 @@ mod dynamics;
 mod inverse;
 mod limits;
 mod posture;
+mod task_axes;
 mod velocity_loops;
 
 pub use arms::SUPPORTED_ARMS;
@@ -36,4 +37,5 @@ pub use dynamics::{ArmDynamics, DynamicsAt, DynamicsError, LinkInertia};
 pub use inverse::{InverseJacobian, Singular, right_inverse};
 pub use limits::{Interval, MotionLimits};
 pub use posture::Posture;
+pub use task_axes::TaskAxes;
 pub use velocity_loops::VelocityLoops;

@@ -21,7 +21,7 @@ impl<const N: usize, const D: usize> Posture<N, D> {
     pub fn new(chain: &Chain<N>, q: &SVector<f64, N>) -> Self {
         let kinematics = chain.kinematics(q);
         let jacobian = kinematics.task_jacobian::<D>();
-        Self { kinematics, jacobian, inverse: right_inverse(&jacobian, 0.0) }
+        Self { kinematics, jacobian, inverse: right_inverse(&jacobian, kinematics.axes, 0.0) }
     }
 
     /// Ψ(q).
@@ -36,7 +36,7 @@ impl<const N: usize, const D: usize> Posture<N, D> {
         (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned())
     }
 
-    /// The task rows of J(q), D×N.
+    /// The task rows of J(q), D×N; zero on axes that are none of the task.
     pub fn jacobian(&self) -> &SMatrix<f64, D, N> {
         &self.jacobian
     }
@@ -58,7 +58,7 @@ impl<const N: usize, const D: usize> Posture<N, D> {
             further -= moved;
             linear += turning.cross(&moved) + axis.cross(&further);
         }
-        on_task_axes(&linear, &angular)
+        self.kinematics.axes.kept(&on_task_axes(&linear, &angular))
     }
 
     /// Reciprocal condition number of J after the joints of `chain` have moved on by `way` (rad or m), to
@@ -71,8 +71,8 @@ impl<const N: usize, const D: usize> Posture<N, D> {
             return here;
         }
         let share = PROBE / length;
-        let there = chain.kinematics(&(q + way * share)).task_jacobian::<D>();
-        let there = right_inverse(&there, 0.0).map_or(0.0, |inverse| inverse.reciprocal_condition);
+        let there = chain.kinematics(&(q + way * share)).inverse::<D>(0.0);
+        let there = there.map_or(0.0, |inverse| inverse.reciprocal_condition);
         here + (there - here) / share
     }
 
