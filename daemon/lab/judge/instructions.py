@@ -43,8 +43,6 @@ def main():
     for joints in ("two", "six"):
         for told in ("known", "range"):
             programs[f"cycle, {joints} joints, {told}"] = ([examples / "cycles", joints, told], CYCLES_PER_ROUND)
-    for arm in ("seven", "scara", "planar-three", "gantry", "rail", "eight-joint"):
-        programs[f"cycle, {arm}, known"] = ([examples / "cycles", arm, "known"], CYCLES_PER_ROUND)
     found = {}
     for name, (program, pieces) in programs.items():
         program = [str(word) for word in program]

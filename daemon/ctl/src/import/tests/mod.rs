@@ -30,6 +30,16 @@ fn one_of(text: &str, start: &str) -> Vec<f64> {
     list.trim_matches(['[', ']']).split(", ").map(|value| value.parse().expect("a number")).collect()
 }
 
+/// The arm with a finger that a tip can hang on.
+fn arm_with_a_finger() -> String {
+    let (point, body) = (
+        "<mass value=\"2\"/><inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>",
+        "<mass value=\"2\"/><inertia ixx=\"1e-3\" ixy=\"0\" ixz=\"0\" iyy=\"1e-3\" iyz=\"0\" izz=\"1e-3\"/>",
+    );
+    assert!(ARM.contains(point));
+    ARM.replacen(point, body, 1)
+}
+
 #[test]
 fn fixed_joints_and_what_hangs_on_a_link_are_folded_in() {
     let config: Config = parse(&marked::with_examples(&import(ARM, false).expect("an arm")), "arm").expect("valid");
@@ -105,7 +115,8 @@ fn only_what_is_marked_is_left_to_fill_in() {
 #[test]
 fn joints_may_slide_and_fewer_than_six_control_what_they_can() {
     let of = |tip: &str| {
-        let text = printed(ARM.as_bytes(), &origin("world", tip), false).map_err(|refused| refused.of("arm.urdf"));
+        let text = printed(arm_with_a_finger().as_bytes(), &origin("world", tip), false)
+            .map_err(|refused| refused.of("arm.urdf"));
         let text = text.expect("an arm");
         (parse::<Config>(&marked::with_examples(&text), "arm").expect("valid"), text)
     };
@@ -114,7 +125,7 @@ fn joints_may_slide_and_fewer_than_six_control_what_they_can() {
     assert_eq!(kinds[6], KindName::Prismatic);
     assert!(kinds[..6].iter().all(|kind| *kind == KindName::Revolute));
     assert_eq!(config.robot.controlled_axes, None);
-    assert!(text.contains("\"finger\", prismatic, speed 0.1 m/s, effort 40.0 N"), "{text}");
+    assert!(text.contains("\"finger\", prismatic, speed 0.1 m/s, effort 40 N"), "{text}");
     assert_eq!((one_of(&text, "joint_position_min_rad")[6], one_of(&text, "joint_position_max_rad")[6]), (0.01, 0.05));
     let (config, _) = of("wrist");
     assert_eq!((config.robot.joint.len(), config.robot.task_axes), (4, 6));

@@ -1,7 +1,7 @@
 //! What is refused, and how it is named.
 
 use super::super::xml::LARGEST_URDF;
-use super::{ARM, import, origin, printed};
+use super::{ARM, arm_with_a_finger, import, origin, printed};
 
 /// What is said of the arm with one thing replaced.
 fn said(from: &str, to: &str) -> String {
@@ -109,7 +109,7 @@ fn what_is_wrong_is_named_with_its_line_and_what_to_do() {
 
 #[test]
 fn a_joint_that_slides_too_far_is_likely_in_millimetres() {
-    let text = ARM.replacen("lower=\"0.01\" upper=\"0.05\"", "lower=\"10\" upper=\"150\"", 1);
+    let text = arm_with_a_finger().replacen("lower=\"0.01\" upper=\"0.05\"", "lower=\"10\" upper=\"150\"", 1);
     let refused = printed(text.as_bytes(), &origin("world", "finger"), false).expect_err("too far").of("arm.urdf");
     for part in ["joint \"finger\": ", "upper = 150", "in m", "millimetres"] {
         assert!(refused.contains(part), "{refused}");
