@@ -3,21 +3,46 @@
 
 use std::path::PathBuf;
 
-use admittance_core::robot::{Chain, Joint, Pose, SUPPORTED_ARMS, VelocityLoops, rotation_from_rpy};
+use admittance_core::quantities::{AXIS_NAMES, is_linear};
+use admittance_core::robot::{
+    Chain, Joint, JointKind, Pose, SUPPORTED_ARMS, TaskAxes, VelocityLoops, rotation_from_rpy,
+};
 use admittance_core::with_arm;
 
 use crate::config::ConfigError;
 
+crate::config_enum! {
+    /// How a joint moves along its axis.
+    pub enum KindName {
+        /// It turns: position, speed and limits in rad.
+        Revolute = "revolute",
+        /// It slides: position, speed and limits in m, also where a key ends in rad.
+        Prismatic = "prismatic",
+    }
+}
+
+impl KindName {
+    /// As the law has it.
+    pub fn kind(self) -> JointKind {
+        match self {
+            Self::Revolute => JointKind::Revolute,
+            Self::Prismatic => JointKind::Prismatic,
+        }
+    }
+}
+
 crate::config_section! {
-    /// One revolute joint, in the manner of URDF.
+    /// One joint, in the manner of URDF.
     pub struct JointDescription {
         /// Origin of the joint frame in the parent's frame.
         origin_m: [f64; 3], unit "m", range -10.0..=10.0;
         /// Orientation of the joint frame in the parent's frame: fixed-axis roll, pitch, yaw.
         origin_rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;
-        /// Axis in the joint frame about which a positive angle turns right-handed; any length
-        /// above zero.
+        /// Axis in the joint frame about which a positive angle turns right-handed, or along which
+        /// a prismatic joint slides; any length above zero.
         axis: [f64; 3] = [0.0, 0.0, 1.0], unit "1", range -1.0..=1.0;
+        /// Whether it turns or slides: what it is measured in.
+        kind: KindName = KindName::Revolute;
     }
 }
 
@@ -72,13 +97,17 @@ fn check_source(source: &SourceDescription, path: &str, errors: &mut Vec<ConfigE
 }
 
 crate::config_section! {
-    /// The arm: a serial chain of revolute joints with velocity-controlled drives.
+    /// The arm: a serial chain of joints, revolute or prismatic, with velocity-controlled drives.
     pub struct RobotDescription {
         /// What logs call it.
         name: String, length 1..=64;
-        /// Number of task axes that the arm controls, out of x y z rx ry rz: 2 for a planar arm, 6
-        /// for a spatial one.
+        /// Number of values in every list over task axes: the first of x y z rx ry rz. 2 for an arm
+        /// of two joints in a plane, 6 for any other.
         task_axes: u32, unit "axes", range 2..=6;
+        /// Those of them that the arm controls, such as ["x", "y", "rz"] of three joints in a plane;
+        /// all when absent. On the others nothing is commanded, no wrench is looked at, and what
+        /// lists say of them has no effect.
+        controlled_axes: Option<Vec<String>>, length 1..=6;
         /// Time constant T_V of each joint's speed loop (4), base first.
         velocity_time_constant_s: Vec<f64>, unit "s", range 0.0005..=0.5, length 2..=8;
         /// What the speed loops are beyond that lag.
@@ -129,6 +158,7 @@ fn check_arm(robot: &RobotDescription, path: &str, errors: &mut Vec<ConfigError>
         let found = format!("{axes} with {joints} joints");
         errors.push(ConfigError::new(format!("{path}.task_axes"), found, SUPPORTED_ARMS));
     }
+    check_controlled(robot, path, errors);
     for (index, joint) in robot.joint.iter().enumerate() {
         if joint.axis.iter().map(|a| a * a).sum::<f64>() < 1e-6 {
             let key = format!("{path}.joint[{index}].axis");
@@ -137,7 +167,31 @@ fn check_arm(robot: &RobotDescription, path: &str, errors: &mut Vec<ConfigError>
     }
 }
 
+fn check_controlled(robot: &RobotDescription, path: &str, errors: &mut Vec<ConfigError>) {
+    let known = &AXIS_NAMES[..(robot.task_axes as usize).min(AXIS_NAMES.len())];
+    let controlled = robot.controlled_axes.as_deref().unwrap_or_default();
+    for (index, axis) in controlled.iter().enumerate() {
+        if !known.contains(&axis.as_str()) || controlled[..index].contains(axis) {
+            let key = format!("{path}.controlled_axes[{index}]");
+            errors.push(ConfigError::new(key, format!("{axis:?}"), format!("each once, of {}", known.join(" "))));
+        }
+    }
+}
+
 impl RobotDescription {
+    /// The axes of the task.
+    pub fn controlled(&self) -> TaskAxes {
+        let number = |name: &String| AXIS_NAMES.iter().position(|known| known == name);
+        let told = self.controlled_axes.as_ref();
+        told.and_then(|axes| TaskAxes::of(axes.iter().filter_map(number))).unwrap_or(TaskAxes::ALL)
+    }
+
+    /// The linear axes of the task.
+    pub fn linear_axes(&self) -> impl Iterator<Item = usize> + use<> {
+        let controlled = self.controlled();
+        (0..self.task_axes as usize).filter(move |axis| is_linear(*axis) && controlled.has(*axis))
+    }
+
     /// Damping of a joint's loop of second order; 0 of one of first order.
     pub fn damping(&self, joint: usize) -> f64 {
         let told = self.velocity_loop.as_ref().and_then(|told| told.damping.as_ref());
@@ -180,9 +234,10 @@ impl RobotDescription {
                 origin: joint.origin_m.into(),
                 rotation: rotation_from_rpy(joint.origin_rpy_rad),
                 axis: joint.axis.into(),
+                kind: joint.kind.kind(),
             })
             .collect();
         let tool = Pose { position: self.tool.origin_m.into(), rotation: rotation_from_rpy(self.tool.origin_rpy_rad) };
-        Chain::new(joints.try_into().ok()?, tool).ok()
+        Some(Chain::new(joints.try_into().ok()?, tool).ok()?.with_axes(self.controlled()))
     }
 }

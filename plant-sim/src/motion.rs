@@ -1,7 +1,7 @@
 //! The commanded motion: a list of phases of constant TCP velocity ṗ0, and the joint position q0
 //! that follows them.
 
-use admittance_core::robot::{Chain, Singular, right_inverse};
+use admittance_core::robot::{Chain, Singular};
 use nalgebra::SVector;
 
 /// Smallest reciprocal condition number (Frobenius norm) at which the plant still inverts J. Far
@@ -41,7 +41,7 @@ impl<const D: usize> CommandedMotion<D> {
     }
 }
 
-/// Joint velocity J⁻¹(q) ṗ in rad/s for a TCP velocity ṗ.
+/// Joint velocity J⁻¹(q) ṗ in rad/s or m/s for a TCP velocity ṗ.
 ///
 /// # Errors
 /// [`Singular`] when J(q) has no inverse that can be trusted.
@@ -50,8 +50,8 @@ pub fn joint_velocity<const N: usize, const D: usize>(
     position: &SVector<f64, N>,
     twist: &SVector<f64, D>,
 ) -> Result<SVector<f64, N>, Singular> {
-    let jacobian = chain.kinematics(position).task_jacobian::<D>();
-    Ok(right_inverse(&jacobian, MINIMUM_RECIPROCAL_CONDITION)?.joint_velocity(twist))
+    let inverse = chain.kinematics(position).inverse::<D>(MINIMUM_RECIPROCAL_CONDITION)?;
+    Ok(inverse.joint_velocity(twist))
 }
 
 /// q0 after `duration_s` of the commanded velocity: q̇0 = J⁻¹(q0) ṗ0 by one step of the classic

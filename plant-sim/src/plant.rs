@@ -31,7 +31,7 @@ use crate::rigid_body::Overload;
 use crate::seconds;
 use crate::wrench_estimate::{DelayLine, EstimateStep};
 use admittance_client::{Applied, Playback, Reception, Rejection};
-use admittance_core::robot::{Chain, Kinematics, right_inverse};
+use admittance_core::robot::{Chain, Kinematics};
 use ipc_types::{CommandSample, StateSample, TruthSample};
 use nalgebra::{SVector, Vector3};
 
@@ -317,7 +317,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         if self.fault(FaultKind::DrivesDisabled) || twist.iter().all(|value| *value == 0.0) {
             return SVector::zeros();
         }
-        match right_inverse(&self.kinematics.task_jacobian::<D>(), MINIMUM_RECIPROCAL_CONDITION) {
+        match self.kinematics.inverse::<D>(MINIMUM_RECIPROCAL_CONDITION) {
             Ok(inverse) => inverse.joint_velocity(&twist),
             Err(_) => {
                 self.singular = true;

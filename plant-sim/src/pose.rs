@@ -1,7 +1,7 @@
 //! Poses of any supported arm: the TCP of a joint position, the joint position for a TCP, and how
 //! fast the joints turn there.
 
-use admittance_core::robot::{Chain, Pose, right_inverse};
+use admittance_core::robot::{Chain, Pose};
 use admittance_core::with_arm;
 use admittance_host::robot_description::RobotDescription;
 use nalgebra::SVector;
@@ -12,14 +12,14 @@ use crate::setup::inverse_kinematics;
 /// A joint position with what follows from it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmPose {
-    /// Joint position in rad.
+    /// Joint position in rad or m.
     pub joint_position_rad: Vec<f64>,
     /// Position of the TCP in m, base frame.
     pub tcp_position_m: [f64; 3],
     /// Reciprocal condition number of the task Jacobian (Frobenius norm); 0 where the arm is
     /// singular.
     pub reciprocal_condition: f64,
-    /// J⁻¹, row by row: joint velocity in rad/s per unit of each task axis; empty where the arm is
+    /// J⁻¹, row by row: joint velocity in rad/s or m/s per unit of each task axis; empty where the arm is
     /// singular.
     inverse_jacobian: Vec<Vec<f64>>,
     /// J, column by column: twist of the TCP per joint velocity.
@@ -27,7 +27,7 @@ pub struct ArmPose {
 }
 
 impl ArmPose {
-    /// Joint velocity in rad/s for a twist of the TCP, one value per task axis; `None` where the
+    /// Joint velocity in rad/s or m/s for a twist of the TCP, one value per task axis; `None` where the
     /// arm is singular.
     pub fn joint_velocity_rad_s(&self, twist: &[f64]) -> Option<Vec<f64>> {
         let rows = self.inverse_jacobian.iter();
@@ -82,7 +82,7 @@ fn find_arm<const N: usize, const D: usize>(
     }
     let kinematics = chain.kinematics(&position);
     let jacobian = kinematics.task_jacobian::<D>();
-    let inverse = right_inverse(&jacobian, MINIMUM_RECIPROCAL_CONDITION);
+    let inverse = kinematics.inverse::<D>(MINIMUM_RECIPROCAL_CONDITION);
     let (reciprocal_condition, inverse_jacobian) = match inverse {
         Ok(inverse) => {
             let rows = inverse.matrix.row_iter().map(|row| row.iter().copied().collect());

@@ -37,8 +37,8 @@ config_section! {
     /// Where the arm starts, and when it touches.
     pub struct StartSection {
         /// Joint position at the start; with contact_time_s the guess from which it is solved, and
-        /// its elbow.
-        joint_position_rad: Vec<f64>, unit "rad", range -7.0..=7.0, length 2..=8;
+        /// its elbow. Of a prismatic joint in m.
+        joint_position_rad: Vec<f64>, unit "rad, m", range -7.0..=7.0, length 2..=8;
         /// When the motion shall bring the TCP to surface.point_m, counted from its start, in whole
         /// samples; the start is where joint_position_rad says when absent.
         contact_time_s: Option<f64>, unit "s", range 0.0..=100.0;
@@ -87,10 +87,10 @@ config_section! {
     pub struct NoiseSection {
         /// Of each wrench axis.
         wrench: f64 = 0.0, unit "N, N m", range 0.0..=1000.0;
-        /// Of each joint position.
-        joint_position_rad: f64 = 0.0, unit "rad", range 0.0..=1.0;
-        /// Of each joint velocity.
-        joint_velocity_rad_s: f64 = 0.0, unit "rad/s", range 0.0..=10.0;
+        /// Of each joint position; in m of a prismatic joint.
+        joint_position_rad: f64 = 0.0, unit "rad, m", range 0.0..=1.0;
+        /// Of each joint velocity; in m/s of a prismatic joint.
+        joint_velocity_rad_s: f64 = 0.0, unit "rad/s, m/s", range 0.0..=10.0;
         /// The same seed gives the same noise.
         seed: u64 = 1, unit "1";
     }

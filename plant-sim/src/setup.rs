@@ -2,7 +2,7 @@
 //! asked for.
 
 use admittance_core::quantities::Span;
-use admittance_core::robot::{Chain, DynamicsError, Pose, SUPPORTED_ARMS, right_inverse};
+use admittance_core::robot::{Chain, DynamicsError, Pose, SUPPORTED_ARMS};
 use nalgebra::{SVector, Vector3};
 
 use crate::environment::SurfaceSection;
@@ -221,9 +221,9 @@ fn check_step<const N: usize, const D: usize>(
 }
 
 fn check_pose<const N: usize, const D: usize>(chain: &Chain<N>, q: &SVector<f64, N>) -> Result<(), SetupError> {
-    right_inverse(&chain.kinematics(q).task_jacobian::<D>(), MINIMUM_RECIPROCAL_CONDITION).map(|_| ()).map_err(
-        |singular| SetupError::SingularStart { position: q.as_slice().to_vec(), found: singular.reciprocal_condition },
-    )
+    chain.kinematics(q).inverse::<D>(MINIMUM_RECIPROCAL_CONDITION).map(|_| ()).map_err(|singular| {
+        SetupError::SingularStart { position: q.as_slice().to_vec(), found: singular.reciprocal_condition }
+    })
 }
 
 /// The start from which the motion, in free space, brings the TCP to `point` at `instant_ns` after
@@ -287,14 +287,14 @@ pub(crate) fn inverse_kinematics<const N: usize, const D: usize>(
     let mut q = *guess;
     for _ in 0..ITERATIONS {
         let kinematics = chain.kinematics(&q);
-        let error = target.difference::<D>(&kinematics.pose);
+        let error = chain.axes().kept(&target.difference::<D>(&kinematics.pose));
         if error.norm() < 1e-12 {
             return Some(q);
         }
-        let inverse = right_inverse(&kinematics.task_jacobian::<D>(), MINIMUM_RECIPROCAL_CONDITION).ok()?;
+        let inverse = kinematics.inverse::<D>(MINIMUM_RECIPROCAL_CONDITION).ok()?;
         let step = inverse.joint_velocity(&error);
         q += step * (LONGEST_STEP_RAD / step.norm()).min(1.0);
     }
-    let error = target.difference::<D>(&chain.kinematics(&q).pose);
+    let error = chain.axes().kept(&target.difference::<D>(&chain.kinematics(&q).pose));
     (error.norm() < 1e-10).then_some(q)
 }

@@ -5,7 +5,7 @@
 
 Needs the packages pin and example-robot-data. A pose is what the arm does between its base and its tip while every other
 joint is at zero: position and orientation of the tip, its Jacobian (linear rows first) and the torques that hold the arm,
-all in the base link's frame. SI units, rad.
+all in the base link's frame. SI units, rad; of joints that slide m and N.
 """
 
 import importlib.metadata
@@ -28,6 +28,8 @@ ARMS = [
     ("kinova_description/robots/kinova.urdf", "base", "j2s6s200_end_effector"),
     ("z1_description/urdf/z1.urdf", "link00", "gripperStator"),
     ("tiago_description/robots/tiago.urdf", "torso_lift_link", "arm_tool_link"),
+    # With the torso, which slides.
+    ("tiago_description/robots/tiago.urdf", "torso_fixed_link", "arm_tool_link"),
 ]
 
 

@@ -8,7 +8,7 @@ use admittance_runner::config::Config;
 use admittance_runner::cycle;
 use end_to_end::closed_loop::Experiment;
 use end_to_end::session::{MPC_PAPER, PAPER_SCENARIO};
-use plant_sim::scenario::Scenario;
+use plant_sim::scenario::{Scenario, SensorSection};
 
 fn toml_files(directory: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(directory);
@@ -38,21 +38,63 @@ fn each_robot_s_configuration_presses_and_slides_in_its_scenario() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
         std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     };
-    let pairs =
-        [("planar", "paper", 1, 200.0), ("six-joint", "six-joint", 2, 150.0), ("seven-joint", "seven-joint", 2, 150.0)];
+    let pairs = [
+        ("planar", "paper", 1, 200.0),
+        ("planar-three", "planar-three", 1, 150.0),
+        ("scara", "scara", 2, 150.0),
+        ("gantry", "gantry", 2, 150.0),
+        ("six-joint", "six-joint", 2, 150.0),
+        ("seven-joint", "seven-joint", 2, 150.0),
+        ("rail", "rail", 2, 150.0),
+        ("eight-joint", "eight-joint", 2, 150.0),
+    ];
     // ur10e follows the damping law, which keeps no limit: virtual_time/ur10e_impact.rs.
     assert_eq!(toml_files("deploy/robots").len(), pairs.len() + 1, "each robot has a scenario");
     for (robot, scenario, axis, force_limit) in pairs {
         let config = read(&format!("deploy/robots/{robot}.toml"));
         let scenario = read(&format!("plant-sim/scenarios/{scenario}.toml"));
-        let sampling_time =
-            admittance_host::config::parse::<Config>(&config, robot).expect("valid").control.sampling_time_s;
-        let run = Experiment::new(&config, &scenario, sampling_time).run();
+        let told = admittance_host::config::parse::<Config>(&config, robot).expect("valid");
+        let run = Experiment::new(&config, &scenario, told.control.sampling_time_s).run();
+        // The least normal force of which every axis that feels it has its minimum.
+        let length = told.environment.surface_normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+        let shares = told.environment.surface_normal.iter().zip(&told.contact.minimum_force);
+        let least = shares.filter(|(n, _)| **n != 0.0).map(|(n, least)| least * length / n.abs()).fold(0.0, f64::max);
         let peak = run.peak(axis);
         println!("{robot}: peak {peak:.1} N, settled {:.1} N", run.settled_normal());
         assert!(run.touched() && peak <= force_limit + 0.5, "{robot}: peak {peak} N");
         assert_eq!((run.stop_reason(), run.infeasible(), run.losses()), (None, 0, 0), "{robot}");
+        assert!((run.settled_normal() - least).abs() < 1.0, "{robot}: settles at {} N", run.settled_normal());
         assert!((run.tangential_share() - 1.0).abs() < 0.01, "{robot} slides");
+    }
+}
+
+/// What a gantry is given on the axes that it doesn't control changes nothing.
+#[test]
+fn a_wrench_or_twist_on_an_axis_that_is_not_controlled_is_not_looked_at() {
+    let read = |path: &str| {
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)).expect("it is shipped")
+    };
+    let mut experiment =
+        Experiment::new(&read("deploy/robots/gantry.toml"), &read("plant-sim/scenarios/gantry.toml"), 0.001);
+    let plain = experiment.run();
+    // Beyond every threshold and limit of a torque.
+    experiment.scenario.sensor = Some(SensorSection {
+        in_base_axes: true,
+        bias: [0.0, 0.0, 0.0, 30.0, -30.0, 40.0],
+        ..Experiment::new(&read("deploy/robots/gantry.toml"), &read("plant-sim/scenarios/gantry.toml"), 0.001)
+            .with_tool(0.0, [0.0; 3], [0.0; 3], [0.0; 3])
+            .scenario
+            .sensor
+            .expect("a sensor")
+    });
+    experiment.scenario.motion[0].twist = vec![0.08, 0.06, -0.1, 0.3, -0.2, 0.1];
+    let turned = experiment.run();
+    assert_eq!((turned.stop_reason(), turned.losses()), (None, 0));
+    assert!(turned.last().state.wrench[3] > 20.0, "it is given: {:?}", turned.last().state.wrench);
+    for (one, other) in plain.instants.iter().zip(&turned.instants) {
+        assert_eq!(one.command.velocity_offset, other.command.velocity_offset);
+        assert_eq!(other.command.twist_command[3..], [0.0; 3]);
+        assert_eq!(other.report.wrench[3..], [0.0; 3]);
     }
 }
 
@@ -67,7 +109,7 @@ fn every_key_missing_unknown_out_of_range_or_of_the_wrong_type_is_named() {
 
 #[test]
 fn keys_that_do_not_fit_each_other_are_named() {
-    let cases: [(&[(&str, &str)], &str); 9] = [
+    let cases: [(&[(&str, &str)], &str); 12] = [
         (&[("contact.force_limit", "[200.0]")], "contact.force_limit"),
         (&[("contact.release_threshold", "[6.0, 5.0]")], "contact.release_threshold[0]"),
         (&[("contact.minimum_force", "[300.0, 0.0]")], "contact.minimum_force[0]"),
@@ -77,6 +119,9 @@ fn keys_that_do_not_fit_each_other_are_named() {
         (&[("environment.surface_normal", "[0.0, 0.0, 1.0]")], "environment.surface_normal"),
         (&[("contact.admittance_axes", "[false, false]")], "contact.admittance_axes"),
         (&[("robot.task_axes", "6")], "robot.task_axes"),
+        (&[("robot.controlled_axes", "[\"y\", \"rz\"]")], "robot.controlled_axes[1]"),
+        (&[("robot.controlled_axes", "[\"y\", \"y\"]")], "robot.controlled_axes[1]"),
+        (&[("robot.controlled_axes", "[\"y\"]")], "contact.admittance_axes[0]"),
     ];
     for (changes, key) in cases {
         let text = end_to_end::session::with_keys(MPC_PAPER, changes);

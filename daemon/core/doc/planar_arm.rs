@@ -8,7 +8,7 @@ use admittance_core::mpc::{Discretization, ForcePoints, InputSelection, InwardSp
 use admittance_core::output::{Law, MAX_STEPS};
 use admittance_core::{Parameters, Stopping};
 use admittance_core::quantities::Span;
-use admittance_core::robot::{Chain, Joint, MotionLimits, Pose, VelocityLoops};
+use admittance_core::robot::{Chain, Joint, JointKind, MotionLimits, Pose, VelocityLoops};
 use admittance_core::supervisor::{Guards, OnContactLost, OnInfeasible, Policy};
 use admittance_core::surface::Surface;
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -18,7 +18,8 @@ pub(super) fn planar_arm() -> Parameters<2, 2> {
     let tilt = 25_f64.to_radians();
     let normal = Vector3::new(tilt.sin(), tilt.cos(), 0.0);
     let axis = Vector3::z();
-    let joint = |x| Joint { origin: Vector3::new(x, 0.0, 0.0), rotation: Matrix3::identity(), axis };
+    let kind = JointKind::Revolute;
+    let joint = |x| Joint { origin: Vector3::new(x, 0.0, 0.0), rotation: Matrix3::identity(), axis, kind };
     let frame = |x, y| Pose { position: Vector3::new(x, y, 0.0), rotation: Matrix3::identity() };
     Parameters {
         chain: Chain::new([joint(0.0), joint(1.0)], frame(1.0, 0.0)).expect("a chain"),

@@ -7,7 +7,7 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
-use admittance_core::robot::{ArmDynamics, Chain, Joint, LinkInertia, Pose};
+use admittance_core::robot::{ArmDynamics, Chain, Joint, JointKind, LinkInertia, Pose};
 use nalgebra::{Matrix3, Vector3, Vector6};
 
 /// So many answers are timed together: the clock's own time is spread over them.
@@ -20,6 +20,7 @@ fn arm() -> Result<ArmDynamics<6>, Box<dyn Error>> {
         origin: Vector3::new(0.1, 0.05, 0.3),
         rotation: identity,
         axis: [Vector3::z(), Vector3::y(), Vector3::x()][index % 3],
+        kind: JointKind::Revolute,
     });
     let chain = Chain::new(joints, Pose { position: Vector3::new(0.0, 0.0, 0.1), rotation: identity })?;
     let links = core::array::from_fn(|index| LinkInertia {

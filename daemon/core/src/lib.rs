@@ -15,9 +15,9 @@
 //! # Glossary
 //! | symbol | name in code | meaning |
 //! |---|---|---|
-//! | N, D | `N`, `D` | joints; task axes, the first D of x y z rx ry rz |
+//! | N, D | `N`, `D` | joints; task axes, the first D of x y z rx ry rz, of which [`robot::TaskAxes`] are controlled |
 //! | m, H | `inputs.len()`, `horizon` | axes with an input in this cycle; steps of the prediction |
-//! | q, q̇ | `joint_position`, `joint_velocity` | rad, rad/s |
+//! | q, q̇ | `joint_position`, `joint_velocity` | rad, rad/s; of a prismatic joint m, m/s |
 //! | f̂ | `wrench` | wrench on the environment at the TCP, estimated, in the base frame; N, N·m |
 //! | f_lin | `linear_wrench` | the spring's wrench, linear in q (16) |
 //! | ṗ0, Δṗ | `twist_reference`, `velocity_offset` | commanded TCP twist, and what is added to it |

@@ -139,8 +139,8 @@ impl Ord for Span {
     }
 }
 
-/// Names of all task axes. An arm has the first D of them; D = 2 is a planar arm, D = 6 a spatial
-/// one.
+/// Names of all task axes. The law's vectors have the first D of them: of x and y with D = 2, of all
+/// with D = 6.
 pub const AXIS_NAMES: [&str; TaskAxis::ALL.len()] = {
     let (mut names, mut axis) = ([""; TaskAxis::ALL.len()], 0);
     while axis < names.len() {

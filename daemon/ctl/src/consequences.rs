@@ -41,7 +41,10 @@ fn horizon(config: &Config) -> String {
 }
 
 fn reach(config: &Config) -> String {
-    let reach = format!("reach: {} m from the first joint", short(reach_m(&config.robot)));
+    let reach = match reach_m(config) {
+        reach if reach.is_finite() => format!("reach: {} m from the first joint", short(reach)),
+        _ => "reach: without end, for limits.joint_position of a prismatic joint is not given".to_owned(),
+    };
     match contact_distance_m(config) {
         Some((point, _)) => format!("{reach}; the contact point is {} m away", short(point)),
         None => format!("{reach}; the contact point is not configured"),

@@ -1,7 +1,8 @@
 //! Steps the law through the samples of a contact at 1 kHz, and nothing else: instructions.py counts
 //! its instructions.
 //!
-//! `cycles two|six|seven known|range ROUNDS`: joints, and what the controller is told of the stiffness.
+//! `cycles ARM known|range ROUNDS`: two, six or seven joints, or the name of another robot's file, and what
+//! the controller is told of the stiffness.
 
 use admittance_core::quantities::Instant;
 use admittance_host::config::parse;
@@ -31,6 +32,24 @@ fn cell(joints: &str) -> Option<(&'static str, &'static str)> {
             include_str!("../../../deploy/robots/seven-joint.toml"),
             include_str!("../../../plant-sim/scenarios/seven-joint.toml"),
         ),
+        "scara" => {
+            (include_str!("../../../deploy/robots/scara.toml"), include_str!("../../../plant-sim/scenarios/scara.toml"))
+        }
+        "planar-three" => (
+            include_str!("../../../deploy/robots/planar-three.toml"),
+            include_str!("../../../plant-sim/scenarios/planar-three.toml"),
+        ),
+        "gantry" => (
+            include_str!("../../../deploy/robots/gantry.toml"),
+            include_str!("../../../plant-sim/scenarios/gantry.toml"),
+        ),
+        "rail" => {
+            (include_str!("../../../deploy/robots/rail.toml"), include_str!("../../../plant-sim/scenarios/rail.toml"))
+        }
+        "eight-joint" => (
+            include_str!("../../../deploy/robots/eight-joint.toml"),
+            include_str!("../../../plant-sim/scenarios/eight-joint.toml"),
+        ),
         _ => return None,
     })
 }
@@ -38,7 +57,8 @@ fn cell(joints: &str) -> Option<(&'static str, &'static str)> {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [joints, told, rounds] = arguments.as_slice() else { return Err("three arguments: JOINTS TOLD ROUNDS".into()) };
-    let (config, scenario) = cell(joints).ok_or("accepted: two, six, seven")?;
+    let (config, scenario) =
+        cell(joints).ok_or("accepted: two, six, seven, scara, planar-three, gantry, rail, eight-joint")?;
     let mut config: Config = parse(config, "controller.toml")?;
     let mut scenario: Scenario = parse(scenario, "scenario.toml")?;
     let control = &mut config.control;

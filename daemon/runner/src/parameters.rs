@@ -73,7 +73,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
     };
     let environment = &config.environment;
     let force_limit = vector(&contact.force_limit)?;
-    let linear = (0..D).filter(|axis| is_linear(*axis));
+    let linear = (0..D).filter(|axis| is_linear(*axis) && config.robot.controlled().has(*axis));
     let smallest = linear.map(|axis| force_limit[axis]).fold(f64::INFINITY, f64::min);
     Some(Parameters {
         chain,
@@ -85,7 +85,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
         conditioning: conditioning(&config.wrench)?,
         surface: Surface::plane(
             environment.normal_stiffness_n_m,
-            &Vector3::from(environment.surface_normal),
+            &config.robot.controlled().kept(&Vector3::from(environment.surface_normal)),
             Pose {
                 position: environment.contact_point_m.unwrap_or_default().into(),
                 rotation: rotation_from_rpy(environment.contact_rpy_rad),

@@ -59,7 +59,7 @@ wire_sample! {
             "Feasible: limit minus predicted peak. Infeasible: minus the newtons missing.";
         144 velocity_offset: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
             "Velocity offset to add to the twist reference, base frame, at the TCP. It counts when motion = Offset.";
-        192 joint_velocity_offset: [f64; MAX_JOINTS] ["rad/s", "finite"]
+        192 joint_velocity_offset: [f64; MAX_JOINTS] ["rad/s or m/s", "finite"]
             "Joint-space image of the velocity offset at the measured pose: inverse Jacobian times velocity_offset.";
         256 twist_command: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
             "Twist reference of the answered sample plus velocity_offset; zero when motion = Hold.";

@@ -76,10 +76,10 @@ wire_sample! {
         352 tool_acceleration: [f64; TASK_AXES] ["m/s^2, m^2/s^2", "finite"]
             "What the wrench shows of the acceleration of the tool's centre of gravity after this cycle: what a tool of 1 kg \
              adds to it, at the TCP, base frame; 0 without a tool.";
-        400 joint_velocity: [f64; MAX_JOINTS] ["rad/s", "finite"]
+        400 joint_velocity: [f64; MAX_JOINTS] ["rad/s or m/s", "finite"]
             "Joint velocities as the law sees them after this cycle: estimated where robot.velocity_loop says that they are \
              reported late, or that loops are of second order.";
-        464 joint_acceleration: [f64; MAX_JOINTS] ["rad/s^2", "finite"]
+        464 joint_acceleration: [f64; MAX_JOINTS] ["rad/s^2 or m/s^2", "finite"]
             "Joint accelerations, estimated; 0 of loops of first order.";
         528 state: StateSample ["see StateSample", "see StateSample"]
             "The state sample that was answered; all zero without one.";

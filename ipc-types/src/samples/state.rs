@@ -29,11 +29,11 @@ wire_sample! {
         44 plays_plan: u32 ["1", "0 or 1"]
             "1 when the motion controller plays the planned offsets of a command by elapsed time within its cycle too; \
              0 = it follows the velocity offset until the next command, and gets one input per cycle.";
-        48 joint_position: [f64; MAX_JOINTS] ["rad", "finite; within the arm's joint limits"]
-            "Measured joint positions q.";
-        112 joint_velocity: [f64; MAX_JOINTS] ["rad/s", "finite"]
+        48 joint_position: [f64; MAX_JOINTS] ["rad or m", "finite; within the arm's joint limits"]
+            "Measured joint positions q: rad, of a prismatic joint m.";
+        112 joint_velocity: [f64; MAX_JOINTS] ["rad/s or m/s", "finite"]
             "Measured joint velocities.";
-        176 joint_position_reference: [f64; MAX_JOINTS] ["rad", "finite"]
+        176 joint_position_reference: [f64; MAX_JOINTS] ["rad or m", "finite"]
             "Commanded joint positions q0: they advance with the twist reference alone, whatever the velocity \
              offset does.";
         240 twist_reference: [f64; TASK_AXES] ["m/s, rad/s", "finite"]

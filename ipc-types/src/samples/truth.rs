@@ -38,9 +38,9 @@ wire_sample! {
             "True depth of the TCP below the undeformed surface, along its normal; negative = gap.";
         88 peak_normal_force_n: f64 ["N", ">= 0"]
             "Largest true normal force since the previous truth sample.";
-        96 joint_position: [f64; MAX_JOINTS] ["rad", "finite"]
+        96 joint_position: [f64; MAX_JOINTS] ["rad or m", "finite"]
             "True joint positions.";
-        160 joint_velocity: [f64; MAX_JOINTS] ["rad/s", "finite"]
+        160 joint_velocity: [f64; MAX_JOINTS] ["rad/s or m/s", "finite"]
             "True joint velocities.";
         224 tcp_position: [f64; 3] ["m", "finite"]
             "True TCP position x y z, base frame.";

@@ -8,7 +8,8 @@ use nalgebra::{Matrix3, SVector};
 use super::{DriveParameters, Friction, Gear, JointParameters, RigidBody};
 
 config_section! {
-    /// A joint, with the link that it moves.
+    /// A joint, with the link that it moves. Of a prismatic joint N takes the place of N m, m that of
+    /// rad, and kg that of kg m^2 in what rotors weigh.
     pub struct RigidJointSection {
         /// Mass of the link; of the last one with the tool.
         mass_kg: f64, unit "kg", range 0.001..=5000.0;
@@ -19,7 +20,7 @@ config_section! {
         inertia_kg_m2: [f64; 6], unit "kg m^2", range -1e4..=1e4;
         /// Inertia of the motor's rotor, before the gear.
         rotor_inertia_kg_m2: f64 = 0.0, unit "kg m^2", range 0.0..=10.0;
-        /// Turns of the motor for one of the joint.
+        /// Turns of the motor for one of the joint; of a prismatic joint radians of the motor per metre.
         gear_ratio: f64 = 1.0, unit "1", range 1.0..=1000.0;
         /// Stiffness of a gear that gives, behind the rotor; a stiff one when absent.
         gear_stiffness_n_m_rad: Option<f64>, unit "N m/rad", range 100.0..=1e7;
@@ -122,7 +123,7 @@ impl RigidJointSection {
 }
 
 impl RigidBodySection {
-    /// The arm at rest at `start` in rad, with the time constants T_V of (4) in s; `None` when the
+    /// The arm at rest at `start` in rad or m, with the time constants T_V of (4) in s; `None` when the
     /// section has another number of joints than N.
     pub(crate) fn arm<const N: usize>(
         &self,

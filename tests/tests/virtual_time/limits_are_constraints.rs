@@ -1,7 +1,6 @@
 //! Limits of joints and offset as constraints of the optimisation, in virtual time: each is reached
 //! in some cycle and kept by every plan, so that nothing is left for a clamp after the law.
 
-use admittance_core::robot::right_inverse;
 use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
 use ipc_types::{Mode, Source};
 use nalgebra::{SVector, Vector2};
@@ -40,7 +39,7 @@ fn hit_and_held(what: &str, run: &Run, distance: impl Fn(&Instant, [f64; 6]) -> 
 fn references(experiment: &Experiment, at: &Instant) -> Vec<(Vector2<f64>, f64)> {
     let chain = experiment.config.robot.chain::<2>().expect("the planar arm");
     let kinematics = chain.kinematics(&Vector2::from_column_slice(&at.state.joint_position[..2]));
-    let inverse = right_inverse::<2, 2>(&kinematics.task_jacobian::<2>(), 0.0).expect("not singular");
+    let inverse = kinematics.inverse::<2>(0.0).expect("not singular");
     let twist = |offset: [f64; 6]| SVector::<f64, 2>::from_fn(|axis, _| at.state.twist_reference[axis] + offset[axis]);
     at.plan().map(|(offset, length)| (inverse.joint_velocity(&twist(offset)), length)).collect()
 }

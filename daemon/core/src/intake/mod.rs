@@ -122,13 +122,14 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         sample.check_motion()?;
         let posture = Posture::new(chain, &sample.joint_position);
         let tool = self.tool.followed(&self.settings, sample, &posture);
-        let wrench = conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt());
+        let of_task = |wrench: SVector<f64, D>| chain.axes().kept(&wrench);
+        let wrench = of_task(conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt()));
         sample.check_wrench(&wrench, conditioning.saturated(&sample.wrench))?;
         let wrench_by_position = match conditioning.tool_mass {
             0.0 => wrench,
-            _ => conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt_by_position()),
+            _ => of_task(conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt_by_position())),
         };
-        self.track.follow(sample, joint_speed.as_ref())?;
+        self.track.follow(sample, joint_speed.as_ref(), chain)?;
         self.tool = tool;
         let arrival = self.order.accept(sample, timing);
         Ok(Accepted {
@@ -139,7 +140,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
             joint_position: sample.joint_position,
             joint_velocity: sample.joint_velocity,
             joint_position_reference: sample.joint_position_reference,
-            twist_reference: sample.twist_reference,
+            twist_reference: chain.axes().kept(&sample.twist_reference),
             wrench,
             wrench_by_position,
             posture,

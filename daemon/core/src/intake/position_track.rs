@@ -6,13 +6,14 @@ use nalgebra::SVector;
 
 use super::{Sample, SampleFault};
 use crate::quantities::Instant;
+use crate::robot::Chain;
 
-/// Speed in rad/s that no joint exceeds, where no limit is configured: twice that of a fast wrist.
+/// Speed in rad/s or m/s that no joint exceeds, where no limit is configured: twice that of a fast wrist.
 const FASTEST: f64 = 20.0;
 /// Multiple of a configured limit. The limit binds the reference under control, but in free motion
 /// the motion controller may exceed it, and stamps jitter.
 const BEYOND_LIMIT: f64 = 2.0;
-/// Resolution and noise of a joint position, rad.
+/// Resolution and noise of a joint position, rad or m.
 const RESOLUTION: f64 = 1e-3;
 
 /// The joint position from sample to sample. A joint that jumped stays suspect until it is back
@@ -21,7 +22,7 @@ const RESOLUTION: f64 = 1e-3;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PositionTrack<const N: usize> {
     seen: Option<Seen<N>>,
-    /// How far each joint is from where it can be, rad; 0 unless it jumped.
+    /// How far each joint is from where it can be, rad or m; 0 unless it jumped.
     jumped: SVector<f64, N>,
 }
 
@@ -29,7 +30,7 @@ pub(super) struct PositionTrack<const N: usize> {
 struct Seen<const N: usize> {
     boot_id: u64,
     stamp: Instant,
-    /// rad.
+    /// rad or m.
     position: SVector<f64, N>,
 }
 
@@ -40,7 +41,7 @@ impl<const N: usize> PositionTrack<N> {
     }
 
     /// Takes in the position of a sample that is otherwise valid. `joint_speed`: the configured
-    /// limits, rad/s.
+    /// limits, rad/s or m/s; `chain`: which of the two.
     ///
     /// # Errors
     /// [`SampleFault::Jump`] of the first joint that is somewhere it cannot have moved to.
@@ -48,6 +49,7 @@ impl<const N: usize> PositionTrack<N> {
         &mut self,
         sample: &Sample<N, D>,
         joint_speed: Option<&SVector<f64, N>>,
+        chain: &Chain<N>,
     ) -> Result<(), SampleFault> {
         let now = Seen { boot_id: sample.boot_id, stamp: sample.stamp, position: sample.joint_position };
         let Some(before) = self.seen.replace(now).filter(|before| before.boot_id == now.boot_id) else {
@@ -67,7 +69,8 @@ impl<const N: usize> PositionTrack<N> {
                 self.jumped[joint] = off;
             }
             if self.jumped[joint] != 0.0 && found.is_ok() {
-                found = Err(SampleFault::Jump { joint, off: self.jumped[joint], most });
+                found =
+                    Err(SampleFault::Jump { joint, off: self.jumped[joint], most, kind: chain.joints()[joint].kind });
             }
         }
         found

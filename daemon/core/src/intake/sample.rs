@@ -6,7 +6,7 @@ use nalgebra::SVector;
 
 use super::Arrival;
 use crate::quantities::{GivenWrench, Instant, Span};
-use crate::robot::Posture;
+use crate::robot::{JointKind, Posture};
 
 /// A state sample of the motion controller, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -181,10 +181,12 @@ pub enum SampleFault {
     Jump {
         /// The joint, from 0.
         joint: usize,
-        /// By how much it is off, in rad.
+        /// By how much it is off, in rad or m.
         off: f64,
-        /// The most that it can have moved, in rad.
+        /// The most that it can have moved, in rad or m.
         most: f64,
+        /// Which of the two.
+        kind: JointKind,
     },
     /// There was no sample at all for longer than allowed.
     Silence,
@@ -237,10 +239,11 @@ impl core::fmt::Display for SampleFault {
             Self::OutOfOrder { sequence, last } => {
                 write!(f, "sequence {sequence} or its stamp does not follow the last accepted sample {last}")
             }
-            Self::Jump { joint, off, most } => write!(
+            Self::Jump { joint, off, most, kind } => write!(
                 f,
-                "joint_position[{joint}] jumped by {off:.4} rad, accepted: at most {most:.4} rad since the sample before (twice \
-                 limits.joint_speed_rad_s, 20 rad/s without it)"
+                "joint_position[{joint}] jumped by {off:.4} {unit}, accepted: at most {most:.4} {unit} since the sample before \
+                 (twice limits.joint_speed_rad_s, 20 {unit}/s without it)",
+                unit = kind.unit()
             ),
             Self::Silence => f.write_str("no sample for longer than max_sample_age_s"),
         }

@@ -1,26 +1,63 @@
-//! A serial chain of N revolute joints, described by data in the manner of URDF.
+//! A serial chain of N joints, revolute or prismatic, described by data in the manner of URDF.
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 
+use super::{InverseJacobian, Singular, TaskAxes, right_inverse};
 use crate::quantities::on_task_axes;
 
-/// One revolute joint: where it sits on its parent link and what it turns about.
+/// How a joint moves along its axis: its position q is in rad or in m, and so are velocity,
+/// acceleration, limits and rows of the Jacobian in units of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum JointKind {
+    /// Turns about it: q in rad, right-handed.
+    #[default]
+    Revolute,
+    /// Slides along it: q in m.
+    Prismatic,
+}
+
+impl JointKind {
+    /// Unit of q.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Revolute => "rad",
+            Self::Prismatic => "m",
+        }
+    }
+}
+
+/// One joint: where it sits on its parent link, and what it turns about or slides along.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
     /// Origin of the joint frame in the parent's frame, in m.
     pub origin: Vector3<f64>,
     /// Orientation of the joint frame in the parent's frame at q = 0.
     pub rotation: Matrix3<f64>,
-    /// Axis of rotation in the joint frame; made a unit vector by [`Chain::new`]. Positive q turns
-    /// right-handed about it.
+    /// Axis in the joint frame; made a unit vector by [`Chain::new`]. Positive q turns right-handed
+    /// about it, or slides along it.
     pub axis: Vector3<f64>,
+    /// Which of the two.
+    pub kind: JointKind,
 }
 
 impl Joint {
-    /// Turn by q in rad about its axis, of length 1.
-    pub(super) fn turn(&self, q: f64) -> Matrix3<f64> {
-        Rotation3::from_axis_angle(&Unit::new_unchecked(self.axis), q).into_inner()
+    /// Where q takes the link, in the joint frame; its axis is of length 1.
+    pub(super) fn moved(&self, q: f64) -> Moved {
+        match self.kind {
+            JointKind::Revolute => {
+                Moved::Turned(Rotation3::from_axis_angle(&Unit::new_unchecked(self.axis), q).into_inner())
+            }
+            JointKind::Prismatic => Moved::Slid(self.axis * q),
+        }
     }
+}
+
+/// What a joint does to its link: the other part of the movement is none.
+pub(super) enum Moved {
+    /// By this rotation.
+    Turned(Matrix3<f64>),
+    /// By this way in m.
+    Slid(Vector3<f64>),
 }
 
 /// Position and orientation of a frame in the base frame.
@@ -48,22 +85,34 @@ impl Pose {
 pub struct Kinematics<const N: usize> {
     /// Ψ(q): pose of the TCP in the base frame.
     pub pose: Pose,
-    /// J(q), 6×N: rows x y z in m/rad, then rx ry rz in rad/rad, in the base frame, at the TCP.
+    /// J(q), 6×N: rows x y z in m, then rx ry rz in rad, each per rad or m of its joint, in the base
+    /// frame, at the TCP.
     pub jacobian: SMatrix<f64, 6, N>,
+    /// The axes of the task.
+    pub axes: TaskAxes,
 }
 
 impl<const N: usize> Kinematics<N> {
-    /// The D task rows of the Jacobian, D×N.
+    /// The D task rows of the Jacobian, D×N; zero on axes that are none of the task.
     pub fn task_jacobian<const D: usize>(&self) -> SMatrix<f64, D, N> {
-        SMatrix::from_fn(|axis, joint| self.jacobian[(axis, joint)])
+        SMatrix::from_fn(|axis, joint| if self.axes.has(axis) { self.jacobian[(axis, joint)] } else { 0.0 })
+    }
+
+    /// The right inverse of that; see [`right_inverse`].
+    ///
+    /// # Errors
+    /// [`Singular`] with the reciprocal condition number found.
+    pub fn inverse<const D: usize>(&self, least: f64) -> Result<InverseJacobian<N, D>, Singular> {
+        right_inverse(&self.task_jacobian(), self.axes, least)
     }
 }
 
-/// A serial chain of N revolute joints with a tool.
+/// A serial chain of N joints with a tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chain<const N: usize> {
     joints: [Joint; N],
     tool: Pose,
+    axes: TaskAxes,
 }
 
 /// Why a description is not a serial chain.
@@ -123,7 +172,18 @@ impl<const N: usize> Chain<N> {
         if !is_frame(&tool.position, &tool.rotation) {
             return Err(ChainError::Frame { joint: None });
         }
-        Ok(Self { joints, tool })
+        Ok(Self { joints, tool, axes: TaskAxes::ALL })
+    }
+
+    /// The same with a task on these axes only.
+    #[must_use]
+    pub fn with_axes(self, axes: TaskAxes) -> Self {
+        Self { axes, ..self }
+    }
+
+    /// The axes of the task: all, unless it was told.
+    pub fn axes(&self) -> TaskAxes {
+        self.axes
     }
 
     /// The joints, base first, their axes of length 1.
@@ -136,7 +196,7 @@ impl<const N: usize> Chain<N> {
         &self.tool
     }
 
-    /// Ψ(q) and J(q) at the joint position q in rad.
+    /// Ψ(q) and J(q) at the joint position q in rad or m.
     pub fn kinematics(&self, q: &SVector<f64, N>) -> Kinematics<N> {
         let mut rotation = Matrix3::identity();
         let mut position = Vector3::zeros();
@@ -147,18 +207,25 @@ impl<const N: usize> Chain<N> {
             rotation *= joint.rotation;
             axes[index] = rotation * joint.axis;
             origins[index] = position;
-            rotation *= joint.turn(q[index]);
+            match joint.moved(q[index]) {
+                Moved::Turned(turn) => rotation *= turn,
+                Moved::Slid(way) => position += rotation * way,
+            }
         }
         position += rotation * self.tool.position;
         rotation *= self.tool.rotation;
         let mut jacobian = SMatrix::zeros();
-        for (joint, (axis, origin)) in axes.iter().zip(&origins).enumerate() {
-            let linear = axis.cross(&(position - origin));
+        for (index, joint) in self.joints.iter().enumerate() {
+            let axis = axes[index];
+            let (linear, angular) = match joint.kind {
+                JointKind::Revolute => (axis.cross(&(position - origins[index])), axis),
+                JointKind::Prismatic => (axis, Vector3::zeros()),
+            };
             for row in 0..3 {
-                jacobian[(row, joint)] = linear[row];
-                jacobian[(row + 3, joint)] = axis[row];
+                jacobian[(row, index)] = linear[row];
+                jacobian[(row + 3, index)] = angular[row];
             }
         }
-        Kinematics { pose: Pose { position, rotation }, jacobian }
+        Kinematics { pose: Pose { position, rotation }, jacobian, axes: self.axes }
     }
 }

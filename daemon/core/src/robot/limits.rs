@@ -24,8 +24,8 @@ pub struct MotionLimits<const N: usize, const D: usize> {
     pub inward_rate: Option<SVector<f64, D>>,
     /// Largest rate of the offset per axis out of the surface, m/s² and rad/s².
     pub outward_rate: Option<SVector<f64, D>>,
-    /// Largest joint speed reference, rad/s.
+    /// Largest joint speed reference, rad/s or m/s.
     pub joint_speed: Option<SVector<f64, N>>,
-    /// Joint positions, rad.
+    /// Joint positions, rad or m.
     pub joint_position: Option<Interval<N>>,
 }

@@ -5,7 +5,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use super::{Chain, InverseJacobian, Kinematics, Pose, Singular, right_inverse};
 use crate::quantities::on_task_axes;
 
-/// Way in rad by which the joints are moved to see how the condition of J changes.
+/// Way in rad or m by which the joints are moved to see how the condition of J changes.
 const PROBE: f64 = 1e-4;
 
 /// Ψ(q), J(q) and J⁻¹(q).
@@ -17,11 +17,11 @@ pub struct Posture<const N: usize, const D: usize> {
 }
 
 impl<const N: usize, const D: usize> Posture<N, D> {
-    /// The posture of `chain` at the joint position `q` in rad.
+    /// The posture of `chain` at the joint position `q` in rad or m.
     pub fn new(chain: &Chain<N>, q: &SVector<f64, N>) -> Self {
         let kinematics = chain.kinematics(q);
         let jacobian = kinematics.task_jacobian::<D>();
-        Self { kinematics, jacobian, inverse: right_inverse(&jacobian, 0.0) }
+        Self { kinematics, jacobian, inverse: right_inverse(&jacobian, kinematics.axes, 0.0) }
     }
 
     /// Ψ(q).
@@ -29,25 +29,26 @@ impl<const N: usize, const D: usize> Posture<N, D> {
         &self.kinematics.pose
     }
 
-    /// Linear (m/s) and angular velocity (rad/s) of the TCP at the joint velocity in rad/s, base
+    /// Linear (m/s) and angular velocity (rad/s) of the TCP at the joint velocity, rad/s or m/s, base
     /// frame.
     pub fn velocity(&self, joint_velocity: &SVector<f64, N>) -> (Vector3<f64>, Vector3<f64>) {
         let twist = self.kinematics.jacobian * joint_velocity;
         (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned())
     }
 
-    /// The task rows of J(q), D×N.
+    /// The task rows of J(q), D×N; zero on axes that are none of the task.
     pub fn jacobian(&self) -> &SMatrix<f64, D, N> {
         &self.jacobian
     }
 
     /// J̇ q̇: the acceleration (m/s², rad/s²) of the TCP on the task axes while every joint keeps
-    /// its velocity q̇ in rad/s.
+    /// its velocity q̇ in rad/s or m/s.
     pub fn acceleration_at_constant_joint_velocity(&self, joint_velocity: &SVector<f64, N>) -> SVector<f64, D> {
         let jacobian = &self.kinematics.jacobian;
         let (mut linear, mut angular) = (Vector3::zeros(), Vector3::zeros());
         // ∂/∂q_j of z_i × (p − o_i), the column of joint i: z_j × (z_i × (p − o_i)) for j ≤ i, else
-        // z_i × (z_j × (p − o_j)). The joints up to i turn by `turning`; those beyond move the TCP
+        // z_i × (z_j × (p − o_j)); of z_i, where the joint slides, z_j × z_i for j < i, else 0. The joints up
+        // to i turn by `turning`; those beyond move the TCP
         // by `further`.
         let (mut turning, (mut further, _)) = (Vector3::zeros(), self.velocity(joint_velocity));
         for (column, speed) in jacobian.column_iter().zip(joint_velocity.iter()) {
@@ -57,10 +58,10 @@ impl<const N: usize, const D: usize> Posture<N, D> {
             further -= moved;
             linear += turning.cross(&moved) + axis.cross(&further);
         }
-        on_task_axes(&linear, &angular)
+        self.kinematics.axes.kept(&on_task_axes(&linear, &angular))
     }
 
-    /// Reciprocal condition number of J after the joints of `chain` have moved on by `way` rad, to
+    /// Reciprocal condition number of J after the joints of `chain` have moved on by `way` (rad or m), to
     /// first order: near a singular pose the least singular value falls evenly, and beyond it
     /// another posture begins, which the arm cannot reach under control.
     pub fn reciprocal_condition_after(&self, chain: &Chain<N>, q: &SVector<f64, N>, way: &SVector<f64, N>) -> f64 {
@@ -70,8 +71,8 @@ impl<const N: usize, const D: usize> Posture<N, D> {
             return here;
         }
         let share = PROBE / length;
-        let there = chain.kinematics(&(q + way * share)).task_jacobian::<D>();
-        let there = right_inverse(&there, 0.0).map_or(0.0, |inverse| inverse.reciprocal_condition);
+        let there = chain.kinematics(&(q + way * share)).inverse::<D>(0.0);
+        let there = there.map_or(0.0, |inverse| inverse.reciprocal_condition);
         here + (there - here) / share
     }
 

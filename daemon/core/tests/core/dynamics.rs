@@ -115,10 +115,12 @@ fn check_golden<const N: usize>() {
 }
 
 #[test]
-fn dynamics_of_two_six_and_seven_joints_are_those_of_pinocchio() {
+fn dynamics_of_all_arms_are_those_of_pinocchio() {
     check_golden::<2>();
+    check_golden::<4>();
     check_golden::<6>();
     check_golden::<7>();
+    check_golden::<8>();
 }
 
 /// A motion of N joints: position, velocity, acceleration or torque, each from −1 to 1, and a wrench.
@@ -168,6 +170,10 @@ fn forward_inverts_inverse_and_the_mass_matrix_is_one() {
     runner
         .run(&draws::<7>(), |draw| check_identities(&dynamics, &arm.chain.chain(), &draw))
         .unwrap_or_else(|failure| panic!("seven joints: {failure}"));
+    let (arm, dynamics) = golden::<4>();
+    runner
+        .run(&draws::<4>(), |draw| check_identities(&dynamics, &arm.chain.chain(), &draw))
+        .unwrap_or_else(|failure| panic!("four joints, one of them prismatic: {failure}"));
 }
 
 /// Falls for 1 s without friction and drives, by steps of the classic Runge-Kutta method.
@@ -183,7 +189,7 @@ fn check_energy<const N: usize>() {
         (here.kinetic_energy(velocity), here.potential_energy())
     };
     let mut q: SVector<f64, N> = SVector::from_fn(|joint, _| 0.4 + 0.5 * joint as f64);
-    let mut v: SVector<f64, N> = SVector::from_fn(|joint, _| 0.5 - 0.3 * joint as f64);
+    let mut v: SVector<f64, N> = SVector::from_fn(|joint, _| 0.4 - 0.25 * joint as f64);
     let (kinetic, potential) = energy(&q, &v);
     let (before, mut most_kinetic) = (kinetic + potential, kinetic);
     for _ in 0..STEPS {
@@ -209,6 +215,7 @@ fn energy_is_kept_without_friction_and_drives() {
     check_energy::<2>();
     check_energy::<6>();
     check_energy::<7>();
+    check_energy::<4>();
 }
 
 #[test]

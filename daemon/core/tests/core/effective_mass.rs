@@ -1,12 +1,13 @@
 //! What an arm weighs in an impact, against the textbook's two links, and against what a force does.
 
-use admittance_core::robot::{ArmDynamics, Chain, Joint, LinkInertia, Pose};
+use admittance_core::robot::{ArmDynamics, Chain, Joint, JointKind, LinkInertia, Pose};
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 
 /// Two uniform rods of 1 m, 4 and 3 kg, in the plane of x and y.
 fn rods(reflected: [f64; 2]) -> ArmDynamics<2> {
     let at = |x: f64| Vector3::new(x, 0.0, 0.0);
-    let joint = |x: f64| Joint { origin: at(x), rotation: Matrix3::identity(), axis: Vector3::z() };
+    let kind = JointKind::Revolute;
+    let joint = |x: f64| Joint { origin: at(x), rotation: Matrix3::identity(), axis: Vector3::z(), kind };
     let tool = Pose { position: at(1.0), rotation: Matrix3::identity() };
     let rod = |mass: f64| LinkInertia {
         mass,

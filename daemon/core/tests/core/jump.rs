@@ -35,7 +35,7 @@ fn a_jump_is_refused_by_joint_and_value_until_the_joint_is_back() {
     // 3 rad/s, twice, for 4 ms, and a milliradian.
     for sequence in 3..5 {
         let outcome = step(&mut controller, &off(pushing(60.0, 0.05, sequence), 1, 0.03));
-        let Some(fault @ SampleFault::Jump { joint: 1, off, most }) = outcome.fault else { panic!("{outcome:?}") };
+        let Some(fault @ SampleFault::Jump { joint: 1, off, most, .. }) = outcome.fault else { panic!("{outcome:?}") };
         assert!((off - 0.03).abs() < 1e-9 && (most - 0.025).abs() < 1e-9, "{fault}");
         assert!(fault.to_string().contains("joint_position[1] jumped by 0.0300 rad, accepted: at most 0.0250 rad"));
         assert_eq!(outcome.mode, Mode::Contact, "the last plan goes on");

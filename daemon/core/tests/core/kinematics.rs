@@ -1,6 +1,6 @@
 //! Kinematics against golden/kinematics.json, which an independent script computes with 80 digits.
 
-use admittance_core::robot::{Chain, Joint, Pose, Posture, right_inverse, rotation_from_rpy};
+use admittance_core::robot::{Chain, Joint, JointKind, Pose, Posture, TaskAxes, right_inverse, rotation_from_rpy};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::Deserialize;
 use std::f64::consts::PI;
@@ -85,7 +85,7 @@ fn check_inverse<const N: usize, const D: usize>() {
     let chain = arm.chain.chain::<N>();
     for pose in &arm.poses {
         let jacobian = chain.kinematics(&SVector::from_column_slice(&pose.q)).task_jacobian::<D>();
-        let inverse = right_inverse(&jacobian, 1e-4)
+        let inverse = right_inverse(&jacobian, TaskAxes::ALL, 1e-4)
             .unwrap_or_else(|singular| panic!("{}: {singular:?} at q = {:?}", arm.name, pose.q));
         let error = (jacobian * inverse.matrix - SMatrix::<f64, D, D>::identity()).amax();
         assert!(error <= 1e-10, "{}: J J⁻¹ is off from I by {error:e} at q = {:?}", arm.name, pose.q);
@@ -108,7 +108,7 @@ fn check_singular<const N: usize, const D: usize>() {
         for offset in [0.0, 1e-12, -1e-9, 1e-6] {
             let q = SVector::from_fn(|joint, _| case.q[joint] + offset);
             let jacobian = chain.kinematics(&q).task_jacobian::<D>();
-            match right_inverse(&jacobian, 1e-4) {
+            match right_inverse(&jacobian, TaskAxes::ALL, 1e-4) {
                 Err(singular) => assert!(
                     (0.0..1e-4).contains(&singular.reciprocal_condition),
                     "{}, {}: {singular:?} with joints {offset:e} rad off",
@@ -140,10 +140,53 @@ fn poses_and_jacobians_of_seven_joints_are_golden() {
 }
 
 #[test]
+fn poses_and_jacobians_with_prismatic_joints_are_golden() {
+    check_poses::<4>();
+    check_poses::<8>();
+}
+
+#[test]
 fn right_inverse_inverts_and_has_least_norm() {
     check_inverse::<2, 2>();
     check_inverse::<6, 6>();
     check_inverse::<7, 6>();
+    check_inverse::<4, 3>();
+    check_inverse::<8, 6>();
+}
+
+/// Of a SCARA, whose J has no rx and no ry: on x y z rz its inverse is that of those four rows, and
+/// zero beside them.
+#[test]
+fn the_inverse_on_some_axes_is_that_of_their_rows() {
+    let joint = |x: f64, kind| Joint {
+        origin: Vector3::new(x, 0.0, 0.0),
+        rotation: Matrix3::identity(),
+        axis: Vector3::z(),
+        kind,
+    };
+    let (turns, slides) = (JointKind::Revolute, JointKind::Prismatic);
+    let tool = Pose { position: Vector3::new(0.05, 0.0, -0.1), rotation: Matrix3::identity() };
+    let joints = [joint(0.0, turns), joint(0.325, turns), joint(0.275, slides), joint(0.0, turns)];
+    let chain = Chain::new(joints, tool).expect("a chain");
+    let axes = TaskAxes::of([0, 1, 2, 5]).expect("axes");
+    let q = SVector::<f64, 4>::new(0.4, -1.1, 0.05, 0.7);
+    assert!(chain.kinematics(&q).inverse::<6>(0.0).is_err(), "no joint turns it about x");
+    let kinematics = chain.with_axes(axes).kinematics(&q);
+    let inverse = kinematics.inverse::<6>(1e-3).expect("bent");
+    let rows = SMatrix::<f64, 4, 4>::from_fn(|row, joint| kinematics.jacobian[([0, 1, 2, 5][row], joint)]);
+    let expected = rows.try_inverse().expect("bent");
+    for (column, axis) in [0, 1, 2, 5].into_iter().enumerate() {
+        assert!((inverse.matrix.column(axis) - expected.column(column)).amax() < ROUNDING);
+    }
+    assert_eq!((inverse.matrix.column(3).amax(), inverse.matrix.column(4).amax()), (0.0, 0.0));
+    let of_rows = 1.0 / (rows.norm() * expected.norm());
+    assert!((inverse.reciprocal_condition - of_rows).abs() < ROUNDING);
+    // Six joints with a task on three axes are redundant: least norm.
+    let golden = golden();
+    let arm = arm(&golden, 6).chain.chain::<6>().with_axes(TaskAxes::of([0, 2, 4]).expect("axes"));
+    let posture = Posture::<6, 6>::new(&arm, &SVector::from([0.4, -1.2, 0.9, 0.8, 1.1, -0.6]));
+    let projector = posture.inverse(1e-4).expect("not singular").matrix * posture.jacobian();
+    assert!((projector - projector.transpose()).amax() < 1e-10 && (projector.trace() - 3.0).abs() < 1e-9);
 }
 
 #[test]
@@ -178,7 +221,7 @@ fn a_jacobian_that_is_not_finite_is_singular() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut jacobian = SMatrix::<f64, 2, 2>::identity();
         jacobian[(0, 1)] = bad;
-        assert!(right_inverse(&jacobian, 0.0).is_err(), "{bad} in the Jacobian passed");
+        assert!(right_inverse(&jacobian, TaskAxes::ALL, 0.0).is_err(), "{bad} in the Jacobian passed");
     }
 }
 
@@ -231,7 +274,8 @@ fn opposite_turns_of_nearly_half_a_turn_differ_in_sign_only() {
 
 #[test]
 fn what_is_no_chain_is_refused() {
-    let joint = Joint { origin: Vector3::zeros(), rotation: Matrix3::identity(), axis: Vector3::z() };
+    let kind = JointKind::Revolute;
+    let joint = Joint { origin: Vector3::zeros(), rotation: Matrix3::identity(), axis: Vector3::z(), kind };
     let tool = Pose { position: Vector3::x(), rotation: Matrix3::identity() };
     assert!(Chain::new([joint; 2], tool).is_ok());
     let bad_axes = [Vector3::zeros(), Vector3::new(f64::NAN, 0.0, 1.0), Vector3::new(f64::INFINITY, 0.0, 0.0)];
@@ -253,14 +297,25 @@ fn what_is_no_chain_is_refused() {
     assert!(error.to_string().starts_with("tool:"), "{error}");
 }
 
-/// J̇ q̇ against the difference of J q̇ on both sides of an arm whose joints turn about all axes.
+/// J̇ q̇ against the difference of J q̇ on both sides of an arm whose joints turn about all axes, or
+/// slide along some.
 #[test]
 fn the_acceleration_at_constant_joint_velocity_is_the_derivative_of_the_twist() {
+    check_acceleration([JointKind::Revolute; 7]);
+    let mut kinds = [JointKind::Revolute; 7];
+    for index in [1, 4] {
+        kinds[index] = JointKind::Prismatic;
+        check_acceleration(kinds);
+    }
+}
+
+fn check_acceleration(kinds: [JointKind; 7]) {
     const STEP: f64 = 1e-5;
     let joint = |index: usize| Joint {
         origin: Vector3::new(0.1, 0.3 / (1.0 + index as f64), 0.2),
         rotation: rotation_from_rpy([0.4 * index as f64, -0.7, 0.3]),
         axis: [Vector3::z(), Vector3::y(), Vector3::new(1.0, 1.0, 0.0)][index % 3],
+        kind: kinds[index],
     };
     let tool = Pose { position: Vector3::new(0.1, 0.0, 0.2), rotation: Matrix3::identity() };
     let chain = Chain::<7>::new(std::array::from_fn(joint), tool).expect("a chain");

@@ -10,11 +10,11 @@ Pinocchio answers may differ by 1e-12 of the largest entry, since its builds add
 The arms are those of kinematics.py beside it, with invented masses: links like rods or boxes whose principal axes are
 those of no frame, and rotors behind gears.
 
-Conventions: SI units, rad. `inertia` is about the centre of gravity, along the axes of the link's frame; `reflected` is
-a rotor's inertia times its gear ratio squared; `wrench` is what the robot exerts on the environment at the tool centre
+Conventions: SI units, rad; of prismatic joints m and N. `inertia` is about the centre of gravity, along the axes of the link's frame; `reflected` is
+a rotor's inertia times its gear ratio squared (kg of a prismatic joint); `wrench` is what the robot exerts on the environment at the tool centre
 point, in the base frame, so that Pinocchio's external force is its reaction. `torque` answers `acceleration` with the
-wrench, `forward` is the acceleration that `drive` brings about with the wrench. Pinocchio's kinetic energy leaves out
-the rotors: they are added here.
+wrench, `forward` is the acceleration that `drive` brings about with the wrench. The kinetic energy is that of the links
+as Pinocchio moves them, and of the rotors: its own sum leaves the rotors out, but for those of prismatic joints.
 """
 
 import json
@@ -31,17 +31,21 @@ SEED = 20261124
 CASES = 6
 VERSION = "4.1.0"
 AGREEMENT = 1e-12
-GRAVITY = {2: [0.3, -9.81, 0.2], 6: [0.0, 0.0, -9.81], 7: [0.5, -1.5, -9.6]}
+GRAVITY = {2: [0.3, -9.81, 0.2], 6: [0.0, 0.0, -9.81], 7: [0.5, -1.5, -9.6], 4: [0.2, 0.4, -9.7], 8: [0.0, -0.6, -9.8]}
 # kg, and a size of each link in m from which its box of inertia is made.
 MASSES = {
     2: [12.0, 7.0],
     6: [7.4, 13.1, 4.0, 2.1, 2.0, 1.6],
     7: [4.1, 4.0, 3.0, 2.7, 1.7, 1.8, 1.2],
+    4: [6.0, 4.5, 1.5, 0.8],
+    8: [45.0, 4.1, 4.0, 3.0, 2.7, 1.7, 1.8, 1.2],
 }
 REFLECTED = {
     2: [0.0, 0.8],
     6: [2.1, 2.1, 0.9, 0.25, 0.25, 0.2],
     7: [1.3, 1.3, 0.8, 0.8, 0.5, 0.2, 0.2],
+    4: [1.2, 0.7, 30.0, 0.1],
+    8: [80.0, 1.3, 1.3, 0.8, 0.8, 0.5, 0.2, 0.2],
 }
 
 
@@ -69,7 +73,8 @@ def model_of(arm):
     parent = 0
     for index, (item, body) in enumerate(zip(arm["joints"], arm["links"])):
         axis = np.array(item["axis"])
-        joint = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
+        kind = {"revolute": pin.JointModelRevoluteUnaligned, "prismatic": pin.JointModelPrismaticUnaligned}[item["kind"]]
+        joint = kind(axis / np.linalg.norm(axis))
         parent = model.addJoint(parent, joint, placed(item), f"joint {index}")
         inertia = pin.Inertia(body["mass"], np.array(body["center_of_gravity"]), np.array(body["inertia"]))
         model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
@@ -109,6 +114,9 @@ def case(source, arm):
     forces = reaction(model, data, tool, q, given["wrench"])
     mass = pin.crba(model, data, q)
     mass = np.triu(mass) + np.triu(mass, 1).T
+    pin.forwardKinematics(model, data, q, v)
+    bodies = zip(data.v[1:], model.inertias[1:])
+    moving = 0.5 * float(sum(body.np @ inertia.matrix() @ body.np for body, inertia in bodies))
     rotors = 0.5 * float(np.array(arm["reflected"]) @ (v * v))
     return given, {
         "torque": pin.rnea(model, data, q, v, a, forces).tolist(),
@@ -116,7 +124,7 @@ def case(source, arm):
         "bias": pin.nonLinearEffects(model, data, q, v).tolist(),
         "gravity": pin.computeGeneralizedGravity(model, data, q).tolist(),
         "forward": pin.aba(model, data, q, v, drive, forces).tolist(),
-        "kinetic_energy": [pin.computeKineticEnergy(model, data, q, v) + rotors],
+        "kinetic_energy": [moving + rotors],
         "potential_energy": [pin.computePotentialEnergy(model, data, q)],
     }
 

@@ -14,8 +14,8 @@ Independent of the Rust code in daemon/core/src/robot, in method and in arithmet
   products of joint axes;
 - no library for matrices, rotations or kinematics.
 
-Conventions: SI units, rad. A joint frame sits at `origin`, turned by fixed-axis roll, pitch, yaw `rpy`
-(Rz(yaw) Ry(pitch) Rx(roll)) in its parent's frame, and turns about `axis`, which need not have unit length. Jacobian
+Conventions: SI units, rad; of a prismatic joint q is in m. A joint frame sits at `origin`, turned by fixed-axis roll, pitch, yaw `rpy`
+(Rz(yaw) Ry(pitch) Rx(roll)) in its parent's frame, and turns about `axis`, or slides along it, which need not have unit length. Jacobian
 rows: x y z rx ry rz of the tool centre point, in the base frame.
 """
 
@@ -33,8 +33,8 @@ POSITIONS = 8
 HALF_PI = math.pi / 2
 
 
-def joint(origin, rpy, axis=(0.0, 0.0, 1.0)):
-    return {"origin": list(origin), "rpy": list(rpy), "axis": list(axis)}
+def joint(origin, rpy, axis=(0.0, 0.0, 1.0), kind="revolute"):
+    return {"origin": list(origin), "rpy": list(rpy), "axis": list(axis), "kind": kind}
 
 
 ARMS = [
@@ -85,7 +85,30 @@ ARMS = [
             {"why": "arm stretched", "q": [0.2, 0.7, -0.3, 0.0, 0.5, 0.9, 0.1]},
         ],
     },
+    {
+        # Its base is tilted and its quill leans, as no SCARA's does: every entry counts.
+        "name": "SCARA, four joints, the third prismatic",
+        "task_axes": 3,
+        "joints": [
+            joint((0.0, 0.0, 0.32), (0.05, -0.1, 0.2)),
+            joint((0.325, 0.0, 0.0), (0.0, 0.0, 0.0)),
+            joint((0.275, 0.0, 0.04), (0.1, 0.2, 0.0), (0.0, 0.0, -2.0), "prismatic"),
+            joint((0.0, 0.01, 0.0), (math.pi, 0.0, 0.0)),
+        ],
+        "tool": {"origin": [0.03, 0.0, 0.1], "rpy": [0.0, 0.1, 0.3]},
+        "singular": [],
+    },
 ]
+# The seven joints on a linear axis that leans.
+ARMS.append(
+    {
+        "name": "eight joints, the first prismatic",
+        "task_axes": 6,
+        "joints": [joint((0.1, -0.2, 0.3), (0.2, 0.1, -0.3), (0.0, 1.0, 0.0), "prismatic")] + ARMS[2]["joints"],
+        "tool": ARMS[2]["tool"],
+        "singular": [],
+    }
+)
 
 
 def exact(values):
@@ -140,6 +163,9 @@ def screws(arm):
         axis = exact(item["axis"])
         length = sum(value * value for value in axis).sqrt()
         w = [sum(here[i][k] * axis[k] for k in range(3)) / length for i in range(3)]
+        if item["kind"] == "prismatic":
+            result.append(twist([Decimal(0)] * 3, w))
+            continue
         p = [here[i][3] for i in range(3)]
         moment = [p[1] * w[2] - p[2] * w[1], p[2] * w[0] - p[0] * w[2], p[0] * w[1] - p[1] * w[0]]
         result.append(twist(w, moment))

@@ -1,7 +1,7 @@
 //! The arm's kinematics behind one interface, whatever its joints and task axes; lists have room for
 //! the most of them.
 
-use admittance_core::robot::{Chain, right_inverse};
+use admittance_core::robot::Chain;
 use admittance_core::with_arm;
 use admittance_host::robot_description::RobotDescription;
 use ipc_types::{MAX_JOINTS, TASK_AXES};
@@ -34,7 +34,7 @@ struct ArmOf<const N: usize, const D: usize>(Chain<N>);
 impl<const N: usize, const D: usize> Arm for ArmOf<N, D> {
     fn at(&self, position: &Joints) -> Placed {
         let kinematics = self.0.kinematics(&SVector::<f64, N>::from_fn(|joint, _| position[joint]));
-        let inverse = right_inverse(&kinematics.task_jacobian::<D>(), 0.0);
+        let inverse = kinematics.inverse::<D>(0.0);
         Placed {
             rotation: kinematics.pose.rotation,
             position: kinematics.pose.position,

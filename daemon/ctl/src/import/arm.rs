@@ -1,7 +1,9 @@
 //! The arm between two links: its joints, with fixed ones folded in, and what they move.
 
-use admittance_core::robot::SUPPORTED_ARMS;
+use admittance_core::quantities::AXIS_NAMES;
+use admittance_core::robot::{self, Chain, JointKind, SUPPORTED_ARMS, TaskAxes};
 use admittance_core::with_arm;
+use admittance_runner::config::has_regular_pose;
 use urdf_rs::{Joint, JointType};
 
 use super::body::Body;
@@ -17,7 +19,12 @@ const MOST_TURNED: f64 = 4.0 * std::f64::consts::TAU;
 /// Position in rad from which a limit is none: nobody writes so many degrees.
 const NO_LIMIT: f64 = 1000.0;
 
-/// A joint that turns, and its body.
+/// Furthest that a prismatic joint may slide either way, in m.
+const MOST_SLID: f64 = 100.0;
+/// Reciprocal condition from which a Jacobian counts as regular: that of the printed file.
+pub(super) const LEAST_CONDITION: f64 = 0.001;
+
+/// A joint that moves, and its body.
 #[derive(Debug, Clone)]
 pub(super) struct ArmJoint {
     pub(super) name: String,
@@ -25,25 +32,29 @@ pub(super) struct ArmJoint {
     pub(super) frame: Frame,
     /// Of length 1.
     pub(super) axis: [f64; 3],
-    /// rad; `None` for a continuous joint.
+    /// Whether it turns or slides: rad or m below.
+    pub(super) kind: JointKind,
+    /// rad or m; `None` for a continuous joint.
     pub(super) position: Option<[f64; 2]>,
     /// Whether an end of that is its `<safety_controller>`'s, within the one of its `<limit>`.
     pub(super) is_soft: bool,
-    /// rad/s; `None` where the URDF says none.
+    /// rad/s or m/s; `None` where the URDF says none.
     pub(super) speed: Option<f64>,
-    /// N m; likewise.
+    /// N m or N; likewise.
     pub(super) effort: Option<f64>,
-    /// Viscous (N m s/rad) and dry friction (N m); likewise.
+    /// Viscous (N m s/rad or N s/m) and dry friction (N m or N); likewise.
     pub(super) friction: Option<[f64; 2]>,
     pub(super) body: Body,
 }
 
-/// A chain of joints that turn.
+/// A chain of joints that turn or slide.
 #[derive(Debug, Clone)]
 pub(super) struct Arm {
     /// Of the URDF.
     pub(super) name: String,
     pub(super) task_axes: usize,
+    /// Those that the joints can move the tip on; all when `None`.
+    pub(super) controlled: Option<Vec<usize>>,
     pub(super) joints: Vec<ArmJoint>,
     /// Of the tip in the frame of the last joint.
     pub(super) tool: Frame,
@@ -61,7 +72,7 @@ impl Arm {
         let task_axes = task_axes(moving.len()).ok_or_else(|| {
             let names: Vec<_> = moving.iter().take(20).map(|joint| Shown(&joint.name).to_string()).collect();
             let why = format!(
-                "{} joints turn between --base {} and --tip {}: {}; accepted: {SUPPORTED_ARMS}",
+                "{} joints move between --base {} and --tip {}: {}; accepted: {SUPPORTED_ARMS}",
                 moving.len(),
                 Shown(base),
                 Shown(tip),
@@ -79,13 +90,52 @@ impl Arm {
                 joints.push(arm_joint(joint, said(joint), std::mem::replace(&mut frame, Frame::identity()), body)?);
             }
         }
-        Ok(Self { name: described.robot.name.clone(), task_axes, joints, tool: frame })
+        let controlled = controlled(&joints, &frame, task_axes);
+        Ok(Self { name: described.robot.name.clone(), task_axes, controlled, joints, tool: frame })
+    }
+
+    /// Whether the joints can move the tip on a task axis.
+    pub(super) fn controls(&self, axis: usize) -> bool {
+        axis < self.task_axes && self.controlled.as_ref().is_none_or(|axes| axes.contains(&axis))
+    }
+
+    /// The names of the axes that are controlled; `None` of all.
+    pub(super) fn controlled_names(&self) -> Option<Vec<String>> {
+        let names = |axes: &Vec<usize>| axes.iter().map(|axis| AXIS_NAMES[*axis].to_owned()).collect();
+        self.controlled.as_ref().map(names)
     }
 }
 
 /// As many axes as the daemon can control with so many joints.
 fn task_axes(joints: usize) -> Option<usize> {
     (2..=6).rev().find(|axes| with_arm!((joints, *axes), <_N, _D> => true, else false))
+}
+
+/// The axes that can be controlled, x before y and so on, as many as are independent; `None` where
+/// these are all, or none.
+fn controlled(joints: &[ArmJoint], tool: &Frame, task_axes: usize) -> Option<Vec<usize>> {
+    fn of<const N: usize, const D: usize>(joints: &[ArmJoint], tool: &Frame) -> Option<Vec<usize>> {
+        let joints = joints.iter().map(|joint| robot::Joint {
+            origin: joint.frame.pose.position,
+            rotation: joint.frame.pose.rotation,
+            axis: joint.axis.into(),
+            kind: joint.kind,
+        });
+        let chain: Chain<N> = Chain::new(joints.collect::<Vec<_>>().try_into().ok()?, tool.pose).ok()?;
+        if D < AXIS_NAMES.len() || has_regular_pose::<N, D>(&chain, LEAST_CONDITION) {
+            return None;
+        }
+        let is_regular = |axes: &[usize]| {
+            TaskAxes::of(axes.iter().copied())
+                .is_some_and(|axes| has_regular_pose::<N, D>(&chain.with_axes(axes), LEAST_CONDITION))
+        };
+        let more = |so_far: Vec<usize>, axis: usize| {
+            let with = [so_far.as_slice(), &[axis]].concat();
+            if with.len() <= N && is_regular(&with) { with } else { so_far }
+        };
+        Some((0..D).fold(Vec::new(), more)).filter(|axes| !axes.is_empty())
+    }
+    with_arm!((joints.len(), task_axes), <N, D> => of::<N, D>(joints, tool), else None)
 }
 
 fn can_be_imported(joint: &Joint, said: Said) -> Result<(), Refused> {
@@ -96,14 +146,13 @@ fn can_be_imported(joint: &Joint, said: Said) -> Result<(), Refused> {
         );
     }
     let kind = match joint.joint_type {
-        JointType::Revolute | JointType::Continuous | JointType::Fixed => return Ok(()),
-        JointType::Prismatic => "prismatic",
+        JointType::Revolute | JointType::Continuous | JointType::Prismatic | JointType::Fixed => return Ok(()),
         JointType::Floating => "floating",
         JointType::Planar => "planar",
         JointType::Spherical => "spherical",
     };
     refused(&format!(
-        "it is {kind}; accepted between base and tip: revolute, continuous and fixed joints; begin or end the arm at it"
+        "it is {kind}; accepted between base and tip: revolute, continuous, prismatic and fixed joints; begin or end the arm at it"
     ))
 }
 
@@ -135,6 +184,10 @@ fn arm_joint(joint: &Joint, said: Said, frame: Frame, body: Body) -> Result<ArmJ
         name: joint.name.clone(),
         frame,
         axis,
+        kind: match joint.joint_type {
+            JointType::Prismatic => JointKind::Prismatic,
+            _ => JointKind::Revolute,
+        },
         position: position.map(|(ends, _)| ends),
         is_soft: position.is_some_and(|(_, is_soft)| is_soft),
         speed: above_zero(limit.velocity, said.velocity),
@@ -159,15 +212,17 @@ fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
     (length > 1e-6).then(|| vector.map(|part| part / length))
 }
 
-/// The ends of a revolute joint in rad, and whether one is of its `<safety_controller>`.
+/// The ends of a revolute joint in rad, or of a prismatic one in m, and whether one is of its `<safety_controller>`.
 fn position(joint: &Joint, said: Said) -> Result<([f64; 2], bool), Refused> {
     let refused = |why: String| Err(Refused::new(said.line, format!("joint {}: {why}", Shown(&joint.name))));
+    let is_prismatic = joint.joint_type == JointType::Prismatic;
     let needed = [("lower", said.lower), ("upper", said.upper), ("velocity", said.velocity), ("effort", said.effort)];
     let absent: Vec<&str> = needed.into_iter().filter(|(_, is_said)| !is_said).map(|(name, _)| name).collect();
     if !absent.is_empty() {
         return refused(format!(
-            "its <limit> lacks {}; say it, or make it type=\"continuous\" where it turns without end",
-            absent.join(", ")
+            "its <limit> lacks {}; say it{}",
+            absent.join(", "),
+            if is_prismatic { "" } else { ", or make it type=\"continuous\" where it turns without end" }
         ));
     }
     let hard = [joint.limit.lower, joint.limit.upper];
@@ -175,7 +230,13 @@ fn position(joint: &Joint, said: Said) -> Result<([f64; 2], bool), Refused> {
     if hard[0] >= hard[1] {
         return refused(format!("lower = {lower} and upper = {upper} of its <limit>; accepted: lower below upper"));
     }
-    if hard.iter().any(|end| (MOST_TURNED..NO_LIMIT).contains(&end.abs())) {
+    if is_prismatic && hard.iter().any(|end| end.abs() > MOST_SLID) {
+        return refused(format!(
+            "lower = {lower} and upper = {upper} of its <limit>, in m; accepted: up to {MOST_SLID} m either way; \
+             millimetres have to be converted"
+        ));
+    }
+    if !is_prismatic && hard.iter().any(|end| (MOST_TURNED..NO_LIMIT).contains(&end.abs())) {
         return refused(format!(
             "lower = {lower} and upper = {upper} of its <limit>, in rad; accepted: up to {MOST_TURNED:.1} rad either way, \
              four turns, or type=\"continuous\" where it turns without end; degrees have to be converted"

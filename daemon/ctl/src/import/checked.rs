@@ -38,7 +38,7 @@ pub(super) struct Said {
     pub(super) velocity: bool,
     /// Its effort.
     pub(super) effort: bool,
-    /// Ends of its `<safety_controller>`, which urdf-rs is not given: rad.
+    /// Ends of its `<safety_controller>`, which urdf-rs is not given: rad or m.
     pub(super) soft: [Option<f64>; 2],
 }
 

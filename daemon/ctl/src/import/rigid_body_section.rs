@@ -6,7 +6,7 @@ use super::arm::{Arm, ArmJoint};
 use super::marked::{list, number, to_fill_in};
 use super::xml::Shown;
 
-/// Torques that the section takes, in N m.
+/// Torques and forces that the section takes, in N m or N.
 const TORQUES: std::ops::RangeInclusive<f64> = 0.1..=1e5;
 /// Most links that a comment names.
 const MOST_NAMED: usize = 12;
@@ -26,7 +26,12 @@ pub(super) fn lines(arm: &Arm) -> Vec<String> {
             Some(effort) if TORQUES.contains(&effort) => lines.push(format!("torque_limit_n_m = {}", number(effort))),
             _ => lines.push("# torque_limit_n_m: the URDF says none that is one; without end when absent".to_owned()),
         }
-        lines.push(to_fill_in("speed_gain_n_m_s_rad", "nan", "N m s/rad, of the drive's speed loop", "100.0"));
+        lines.push(to_fill_in(
+            "speed_gain_n_m_s_rad",
+            "nan",
+            "N m s/rad (N s/m of a prismatic joint), of the drive's speed loop",
+            "100.0",
+        ));
         lines.push(String::new());
     }
     lines

@@ -1,13 +1,13 @@
 //! The robot file: the daemon's configuration of an arm, as far as a URDF says it.
 
 use super::Origin;
-use super::arm::Arm;
+use super::arm::{Arm, LEAST_CONDITION};
 use super::marked::{list, to_fill_in};
 use super::{rigid_body_section, robot_section};
 
-/// Speeds that a configuration takes, in rad/s.
+/// Speeds that a configuration takes, in rad/s or m/s.
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
-/// Largest position that a configuration takes, in rad: as good as none.
+/// Largest position that a configuration takes, in rad or m: as good as none.
 const NO_LIMIT: f64 = 100.0;
 
 /// Examples per task axis: those of linear ones, of angular ones.
@@ -51,13 +51,14 @@ fn control() -> Vec<String> {
         to_fill_in("command_delay_s", "nan", "s from a sample's stamp until its command acts", "0.0005"),
         to_fill_in("answer_budget_s", "nan", "s, later answers count as late; at most the cycle", "0.001"),
         to_fill_in("max_sample_age_s", "nan", "s, three cycles", "0.012"),
-        "minimum_reciprocal_condition = 0.001   # where the arm counts as singular: raise it to stop earlier"
-            .to_owned(),
+        format!(
+            "minimum_reciprocal_condition = {LEAST_CONDITION}   # where the arm counts as singular: raise it to stop earlier"
+        ),
     ]
 }
 
 fn contact(arm: &Arm) -> Vec<String> {
-    let axes: Vec<_> = (0..arm.task_axes).map(|axis| (axis < 3).to_string()).collect();
+    let axes: Vec<_> = (0..arm.task_axes).map(|axis| (axis < 3 && arm.controls(axis)).to_string()).collect();
     let each = |key: &str, meaning: &str, linear: f64, angular: f64| {
         to_fill_in(key, "[]", meaning, &per_axis(arm, linear, angular))
     };
@@ -77,7 +78,11 @@ fn contact(arm: &Arm) -> Vec<String> {
 }
 
 fn environment(arm: &Arm) -> Vec<String> {
-    let normal = if arm.task_axes < 3 { "[0.0, 1.0, 0.0]" } else { "[0.0, 0.0, 1.0]" };
+    let normal = match [2, 1].into_iter().find(|axis| arm.controls(*axis)) {
+        Some(2) => "[0.0, 0.0, 1.0]",
+        Some(_) => "[0.0, 1.0, 0.0]",
+        None => "[1.0, 0.0, 0.0]",
+    };
     // Within reach: on the way to where the TCP is with every joint at zero.
     let first = arm.joints.first().map(|joint| joint.frame.pose.position).unwrap_or_default();
     let frames = arm.joints.iter().map(|joint| &joint.frame).chain([&arm.tool]);
@@ -111,7 +116,7 @@ fn limits(arm: &Arm) -> Vec<String> {
         let told = |nothing: f64| {
             list(&speeds.iter().map(|speed| if usable(speed) { *speed } else { nothing }).collect::<Vec<_>>())
         };
-        let meaning = "rad/s, what the drives can do; nan where the URDF says no speed, 0, or one that no drive has";
+        let meaning = "rad/s, m/s of prismatic joints: what the drives can do; nan where the URDF says no speed, 0, or one that no drive has";
         to_fill_in("joint_speed_rad_s", &told(f64::NAN).replace("NaN", "nan"), meaning, &told(1.0))
     };
     let mut lines = vec![

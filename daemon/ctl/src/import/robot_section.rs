@@ -1,6 +1,8 @@
 //! The `[robot]` section, which a configuration and a scenario have in common.
 
+use admittance_core::robot::JointKind;
 use admittance_host::config::Value;
+use admittance_host::robot_description::KindName;
 
 use super::Origin;
 use super::arm::{Arm, ArmJoint};
@@ -27,11 +29,18 @@ pub(super) fn lines(arm: &Arm, origin: &Origin) -> Vec<String> {
         format!("base = {}", origin.base.to_toml()),
         format!("tip = {}", origin.tip.to_toml()),
     ];
+    if let Some(controlled) = arm.controlled_names() {
+        let line = format!("controlled_axes = {}   # that these joints can move the tip on", controlled.to_toml());
+        lines.insert(3, line);
+    }
     for (index, joint) in arm.joints.iter().enumerate() {
         lines.extend([String::new(), format!("# joint {index}: {}", described(joint)), "[[robot.joint]]".to_owned()]);
         lines.push(format!("origin_m = {}", list(joint.frame.pose.position.as_slice())));
         lines.push(format!("origin_rpy_rad = {}", list(&joint.frame.rpy)));
         lines.push(format!("axis = {}", list(&joint.axis)));
+        if joint.kind == JointKind::Prismatic {
+            lines.push(format!("kind = {}", KindName::Prismatic.to_toml()));
+        }
     }
     lines.extend([String::new(), format!("[robot.tool]   # {} in the last joint's frame", Shown(&origin.tip))]);
     lines.push(format!("origin_m = {}", list(arm.tool.pose.position.as_slice())));
@@ -41,17 +50,18 @@ pub(super) fn lines(arm: &Arm, origin: &Origin) -> Vec<String> {
 
 fn described(joint: &ArmJoint) -> String {
     let kind = match joint.position {
+        _ if joint.kind == JointKind::Prismatic && joint.is_soft => "prismatic within soft limits",
+        _ if joint.kind == JointKind::Prismatic => "prismatic",
         Some(_) if joint.is_soft => "revolute within soft limits",
         Some(_) => "revolute",
         None => "continuous",
     };
+    let [speed, effort] = match joint.kind {
+        JointKind::Revolute => ["rad/s", "N m"],
+        JointKind::Prismatic => ["m/s", "N"],
+    };
     let said = |value: Option<f64>, unit: &str| {
         value.map_or("not said".to_owned(), |value| format!("{} {unit}", shown(value)))
     };
-    format!(
-        "{}, {kind}, speed {}, effort {}",
-        Shown(&joint.name),
-        said(joint.speed, "rad/s"),
-        said(joint.effort, "N m")
-    )
+    format!("{}, {kind}, speed {}, effort {}", Shown(&joint.name), said(joint.speed, speed), said(joint.effort, effort))
 }

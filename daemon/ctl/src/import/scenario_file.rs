@@ -5,7 +5,7 @@ use super::arm::Arm;
 use super::marked::{list, to_fill_in};
 use super::{rigid_body_section, robot_section};
 
-/// Largest joint position at the start that a scenario takes, in rad.
+/// Largest joint position at the start that a scenario takes, in rad or m.
 const LARGEST_START: f64 = 7.0;
 
 /// The text of the file: the arm in free space.
@@ -16,7 +16,9 @@ pub(super) fn text(arm: &Arm, origin: &Origin) -> String {
     };
     let start: Vec<f64> = arm.joints.iter().map(middle).collect();
     let mut twist = vec![0.0; arm.task_axes];
-    twist[0] = 0.05;
+    if let Some(axis) = (0..arm.task_axes).find(|axis| arm.controls(*axis)) {
+        twist[axis] = 0.05;
+    }
     let sections = [
         vec![
             format!("# Imported: admittancectl import {} --scenario", origin.words()),
@@ -35,7 +37,7 @@ pub(super) fn text(arm: &Arm, origin: &Origin) -> String {
         ],
         vec![
             "[start]".to_owned(),
-            to_fill_in("joint_position_rad", "[]", "rad, where the arm starts: nowhere singular", &list(&start)),
+            to_fill_in("joint_position_rad", "[]", "rad, m of prismatic joints: where the arm starts, nowhere singular", &list(&start)),
         ],
         vec![
             "[wrench]".to_owned(),

@@ -195,7 +195,7 @@ fn given(config: &Config, joints: &[f64]) -> Result<ArmPose, String> {
         return Err(format!("--joints: {} values, accepted: {count}, one for each joint", joints.len()));
     }
     if !joints.iter().all(|angle| angle.abs() <= LARGEST_ANGLE_RAD) {
-        return Err(format!("--joints {joints:?}: accepted: {LARGEST_ANGLE_RAD} rad at most, either way"));
+        return Err(format!("--joints {joints:?}: accepted: {LARGEST_ANGLE_RAD} rad or m at most, either way"));
     }
     let here = pose::at(&config.robot, joints).ok_or("--joints: not an arm that the plant knows")?;
     let Some(point) = config.environment.contact_point_m else { return Ok(here) };
@@ -218,7 +218,7 @@ struct Elbows {
 
 fn solved(config: &Config) -> Result<Elbows, (Exit, String)> {
     let joints = config.robot.joint.len();
-    let ask = format!("give the joint position at contact with --joints q1,...,q{joints} (rad)");
+    let ask = format!("give the joint position at contact with --joints q1,...,q{joints} (rad or m)");
     let Some(point) = config.environment.contact_point_m else {
         return Err((Exit::Usage, format!("the configuration has no environment.contact_point_m: {ask}")));
     };
@@ -255,7 +255,7 @@ fn check(config: &Config, pose: &ArmPose) -> Result<(), String> {
     let position = &pose.joint_position_rad;
     if found < least {
         return Err(format!(
-            "the arm is singular at {position:.4?} rad (reciprocal condition {found:.1e}, accepted: at least \
+            "the arm is singular at {position:.4?} (rad or m; reciprocal condition {found:.1e}, accepted: at least \
              control.minimum_reciprocal_condition = {least:?}): give another pose with --joints"
         ));
     }
@@ -264,11 +264,12 @@ fn check(config: &Config, pose: &ArmPose) -> Result<(), String> {
         for (joint, angle) in position.iter().enumerate() {
             if !(min[joint]..=max[joint]).contains(angle) {
                 return Err(format!(
-                    "joint {} would be at {angle:.4} rad at contact, outside limits.joint_position ({} to {} rad): give \
+                    "joint {} would be at {angle:.4} {unit} at contact, outside limits.joint_position ({} to {} {unit}): give \
                      another pose with --joints",
                     joint + 1,
                     min[joint],
-                    max[joint]
+                    max[joint],
+                    unit = config.robot.joint[joint].kind.kind().unit()
                 ));
             }
         }

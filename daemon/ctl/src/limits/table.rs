@@ -173,7 +173,7 @@ pub(crate) fn text(limits: &Limits) -> String {
     let mut text = format!("{}: {}, law {}\n", limits.config, limits.robot, limits.law);
     let _ = writeln!(
         text,
-        "Contact at {} m with the joints at {} rad{}.",
+        "Contact at {} m with the joints at {} (rad or m){}.",
         list(&limits.contact_point_m),
         list(&limits.joint_position_rad),
         limits

@@ -15,7 +15,9 @@ use admittance_core::mpc::model::{Discretization, Model, State};
 use admittance_core::mpc::qp::QpOutcome;
 use admittance_core::output::MAX_STEPS;
 use admittance_core::robot::Interval;
-use admittance_core::robot::{Chain, ChainError, Joint, Pose, Posture, Singular, VelocityLoops, rotation_from_rpy};
+use admittance_core::robot::{
+    Chain, ChainError, Joint, JointKind, Pose, Posture, Singular, VelocityLoops, rotation_from_rpy,
+};
 use admittance_core::surface::Surface;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -102,7 +104,8 @@ pub fn planar(sampling_time: f64, seed: u64) -> Result<Sequence<2, 2>, Generatio
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut between = |from: f64, to: f64| from + (to - from) * rng.random_range(0.0..1.0_f64);
     let identity = Matrix3::identity();
-    let joint = |x: f64| Joint { origin: Vector3::new(x, 0.0, 0.0), rotation: identity, axis: Vector3::z() };
+    let kind = JointKind::Revolute;
+    let joint = |x: f64| Joint { origin: Vector3::new(x, 0.0, 0.0), rotation: identity, axis: Vector3::z(), kind };
     let tool = Pose { position: Vector3::x(), rotation: identity };
     let angle = between(0.2, 0.6);
     generate(Approach {
@@ -128,6 +131,7 @@ pub fn spatial<const M: usize>(seed: u64) -> Result<Sequence<6, M>, GenerationEr
         origin: Vector3::from(origin),
         rotation: rotation_from_rpy(rpy),
         axis: Vector3::z() * axis,
+        kind: JointKind::Revolute,
     };
     let half = std::f64::consts::FRAC_PI_2;
     // A six-joint arm of 1.3 m reach.

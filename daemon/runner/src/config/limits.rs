@@ -9,12 +9,13 @@ config_section! {
     pub struct LimitsSection {
         /// Largest |Δṗ| per task axis.
         velocity_offset: Vec<f64>, unit "m/s, rad/s", range 0.001..=20.0, length 2..=6, each "axis";
-        /// Largest speed reference of each joint, J⁻¹ (ṗ0 + Δṗ).
-        joint_speed_rad_s: Option<Vec<f64>>, unit "rad/s", range 0.01..=100.0, length 2..=8;
-        /// Smallest position of each joint; together with joint_position_max_rad.
-        joint_position_min_rad: Option<Vec<f64>>, unit "rad", range -100.0..=100.0, length 2..=8;
-        /// Largest position of each joint.
-        joint_position_max_rad: Option<Vec<f64>>, unit "rad", range -100.0..=100.0, length 2..=8;
+        /// Largest speed reference of each joint, J⁻¹ (ṗ0 + Δṗ); of a prismatic joint in m/s.
+        joint_speed_rad_s: Option<Vec<f64>>, unit "rad/s, m/s", range 0.01..=100.0, length 2..=8;
+        /// Smallest position of each joint, of a prismatic joint in m; together with
+        /// joint_position_max_rad.
+        joint_position_min_rad: Option<Vec<f64>>, unit "rad, m", range -100.0..=100.0, length 2..=8;
+        /// Largest position of each joint, likewise.
+        joint_position_max_rad: Option<Vec<f64>>, unit "rad, m", range -100.0..=100.0, length 2..=8;
         /// Largest rate of Δṗ per task axis toward the surface, and either way on an axis that does
         /// not feel it.
         inward_rate_m_s2: Option<Vec<f64>>, unit "m/s^2, rad/s^2", range 0.01..=1e5, length 2..=6, each "axis";

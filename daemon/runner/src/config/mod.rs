@@ -2,7 +2,7 @@
 //! file against it.
 
 use admittance_core::output::MAX_DELAY_CYCLES;
-use admittance_core::quantities::{Span, is_linear};
+use admittance_core::quantities::Span;
 use admittance_host::config::ConfigError;
 use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
@@ -29,7 +29,7 @@ pub use limits::LimitsSection;
 pub use mpc::{
     DiscretizationName, ForcePointsName, InputsName, InwardSpeedName, MpcSection, OnInfeasibleName, WeightSpace,
 };
-pub use plausibility::{contact_distance_m, reach_m};
+pub use plausibility::{contact_distance_m, has_regular_pose, reach_m};
 pub use requests::RequestsSection;
 pub use stopping::{DampingSection, StoppingSection};
 pub use wrench::{GivenInName, GivenSignName, WrenchSection};
@@ -122,12 +122,12 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
         ));
     }
     let normal = config.environment.surface_normal;
-    let in_task: f64 = (0..axes).filter(|axis| is_linear(*axis)).map(|axis| normal[axis] * normal[axis]).sum();
+    let in_task: f64 = config.robot.linear_axes().map(|axis| normal[axis] * normal[axis]).sum();
     if in_task < 1e-6 {
         errors.push(ConfigError::new(
             "environment.surface_normal",
             format!("{normal:?}"),
-            "a vector with a component on the task axes",
+            "a vector with a component on the controlled axes",
         ));
     }
     let delayed = config.control.command_delay_s;
@@ -135,6 +135,11 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
         let accepted =
             format!("at most {MAX_DELAY_CYCLES} control.sampling_time_s = {sampling_time} s with mpc.model_delay");
         errors.push(ConfigError::new("control.command_delay_s", delayed, accepted));
+    }
+    let tolerance = config.environment.normal_tolerance_rad;
+    if tolerance > 0.0 && axes > 2 && config.robot.linear_axes().count() < 3 {
+        let accepted = "0 with a robot.controlled_axes that lacks x, y or z: the normal is learned in space";
+        errors.push(ConfigError::new("environment.normal_tolerance_rad", tolerance, accepted));
     }
     plausibility::check_arm(config, errors);
     check_velocity_loop(config, errors);
@@ -144,6 +149,17 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     for (axis, (deadband, release)) in releases.enumerate().filter(|(_, (deadband, release))| deadband > release) {
         let accepted = format!("at most contact.release_threshold[{axis}] = {release}");
         errors.push(ConfigError::new(format!("wrench.deadband[{axis}]"), deadband, accepted));
+    }
+    let controlled = config.robot.controlled();
+    for (axis, _) in config
+        .contact
+        .admittance_axes
+        .iter()
+        .enumerate()
+        .filter(|(axis, gives_way)| **gives_way && !controlled.has(*axis))
+    {
+        let accepted = "false on an axis that is not one of robot.controlled_axes";
+        errors.push(ConfigError::new(format!("contact.admittance_axes[{axis}]"), true, accepted));
     }
     if !config.contact.admittance_axes.contains(&true) {
         errors.push(ConfigError::new("contact.admittance_axes", "all false", "at least one true"));

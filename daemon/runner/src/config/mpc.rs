@@ -95,9 +95,9 @@ config_section! {
         inward_speed: Option<InwardSpeedName>;
         /// Whether position_weight and velocity_weight are per joint or per task axis.
         weights: WeightSpace = WeightSpace::Task;
-        /// Weight of position errors, per joint (1/rad²) or task axis (1/m², 1/rad²).
+        /// Weight of position errors, per joint (1/rad²; 1/m² of a prismatic one) or task axis (1/m², 1/rad²).
         position_weight: Vec<f64>, unit "1/rad^2, 1/m^2", range 0.0..=1e9, length 2..=8;
-        /// Weight of velocity errors, per joint (s²/rad²) or task axis (s²/m², s²/rad²).
+        /// Weight of velocity errors, per joint (s²/rad², or s²/m²) or task axis (s²/m², s²/rad²).
         velocity_weight: Vec<f64>, unit "s^2/rad^2, s^2/m^2", range 0.0..=1e9, length 2..=8;
         /// Weight of the wrench estimate, per task axis.
         wrench_weight: Vec<f64>, unit "1/N^2, 1/(N m)^2", range 0.0..=1e6, length 2..=6, each "axis";

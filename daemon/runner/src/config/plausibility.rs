@@ -1,10 +1,10 @@
 //! Whether the arm can do what the configuration says: what it reaches, where its Jacobian has an
 //! inverse.
 
-use admittance_core::robot::{Chain, right_inverse};
+use admittance_core::robot::Chain;
 use admittance_core::with_arm;
 use admittance_host::config::{ConfigError, short};
-use admittance_host::robot_description::RobotDescription;
+use admittance_host::robot_description::KindName;
 use nalgebra::SVector;
 
 use super::{Config, ContactPointName};
@@ -15,11 +15,19 @@ const POSES: u32 = 200;
 /// some to spare.
 pub(super) const MOST_FORCE_N_M: f64 = 5000.0;
 
-/// How far the TCP can get from the first joint's origin, in m: the lengths of all links.
-pub fn reach_m(robot: &RobotDescription) -> f64 {
+/// How far the TCP can get from the first joint's origin, in m: the lengths of all links, and the
+/// ways of prismatic joints, which have no end where no limit says one.
+pub fn reach_m(config: &Config) -> f64 {
     let length = |origin: [f64; 3]| origin.map(|part| part * part).iter().sum::<f64>().sqrt();
+    let (robot, limits) = (&config.robot, &config.limits);
     let links = robot.joint.iter().skip(1).map(|joint| length(joint.origin_m));
-    links.sum::<f64>() + length(robot.tool.origin_m)
+    let end = |ends: &Option<Vec<f64>>, joint: usize| {
+        ends.as_ref().and_then(|ends| ends.get(joint)).map_or(f64::INFINITY, |end| end.abs())
+    };
+    let prismatic = robot.joint.iter().enumerate().filter(|(_, joint)| joint.kind == KindName::Prismatic);
+    let ways = prismatic
+        .map(|(joint, _)| end(&limits.joint_position_min_rad, joint).max(end(&limits.joint_position_max_rad, joint)));
+    links.sum::<f64>() + ways.sum::<f64>() + length(robot.tool.origin_m)
 }
 
 /// Distance in m of the contact point from the first joint's origin, and of the plane through it;
@@ -28,26 +36,26 @@ pub fn contact_distance_m(config: &Config) -> Option<(f64, f64)> {
     let environment = &config.environment;
     let point = environment.contact_point_m.filter(|_| environment.contact == ContactPointName::Configured)?;
     let base = config.robot.joint.first()?.origin_m;
-    let axes = (config.robot.task_axes as usize).min(3);
-    let normal = &environment.surface_normal[..axes];
-    let offset: Vec<f64> = (0..axes).map(|axis| point[axis] - base[axis]).collect();
+    let normal: Vec<f64> = config.robot.linear_axes().map(|axis| environment.surface_normal[axis]).collect();
+    let offset: Vec<f64> = config.robot.linear_axes().map(|axis| point[axis] - base[axis]).collect();
     let norm = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>().sqrt();
-    let along: f64 = offset.iter().zip(normal).map(|(offset, normal)| offset * normal).sum();
-    Some((norm(&offset), along.abs() / norm(normal)))
+    let along: f64 = offset.iter().zip(&normal).map(|(offset, normal)| offset * normal).sum();
+    Some((norm(&offset), along.abs() / norm(&normal)))
 }
 
 /// What no motion of the arm can mend.
 pub(super) fn check_arm(config: &Config, errors: &mut Vec<ConfigError>) {
-    let reach = reach_m(&config.robot);
+    let reach = reach_m(config);
     let least = config.control.minimum_reciprocal_condition;
     let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
     let is_regular = with_arm!((joints, axes), <N, D> => {
         config.robot.chain::<N>().is_none_or(|chain| has_regular_pose::<N, D>(&chain, least))
     }, else true);
     if !is_regular {
-        let found = format!("links of {} m in all", short(reach));
+        let found =
+            if reach.is_finite() { format!("links of {} m in all", short(reach)) } else { "as given".to_owned() };
         let accepted = format!(
-            "origins and axes that leave the TCP free to move on all {axes} task axes: at none of {POSES} poses has the \
+            "origins and axes that leave the TCP free to move on every controlled axis (robot.task_axes = {axes}, robot.controlled_axes): at none of {POSES} poses has the \
              Jacobian a reciprocal condition of control.minimum_reciprocal_condition = {least}"
         );
         errors.push(ConfigError::new("robot.joint", found, accepted));
@@ -64,8 +72,8 @@ pub(super) fn check_arm(config: &Config, errors: &mut Vec<ConfigError>) {
     }
 }
 
-/// Whether one of many poses can be controlled.
-fn has_regular_pose<const N: usize, const D: usize>(chain: &Chain<N>, least: f64) -> bool {
+/// Whether at one of many poses the Jacobian has a reciprocal condition of at least `least`.
+pub fn has_regular_pose<const N: usize, const D: usize>(chain: &Chain<N>, least: f64) -> bool {
     // Multiples of the golden ratio, one for each joint: evenly spread and the same each time.
     let angle = |pose: u32, joint: usize| {
         let share = (f64::from(pose) * 0.618_033_988_749_894_9 * (joint + 1) as f64).fract();
@@ -73,6 +81,6 @@ fn has_regular_pose<const N: usize, const D: usize>(chain: &Chain<N>, least: f64
     };
     (1..=POSES).any(|pose| {
         let position = SVector::<f64, N>::from_fn(|joint, _| angle(pose, joint));
-        right_inverse(&chain.kinematics(&position).task_jacobian::<D>(), least).is_ok()
+        chain.kinematics(&position).inverse::<D>(least).is_ok()
     })
 }

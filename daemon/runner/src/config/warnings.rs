@@ -73,7 +73,7 @@ impl Config {
 
     /// A surface out of reach is an error; its point alone may be far.
     fn distance(&self) -> Vec<String> {
-        let reach = reach_m(&self.robot);
+        let reach = reach_m(self);
         let far = contact_distance_m(self).filter(|(point, _)| *point > reach);
         let warning = |(point, _)| {
             format!(
@@ -102,7 +102,7 @@ impl Config {
 
     /// Limits and guards that no arm of this size gets to.
     fn forces(&self) -> Vec<String> {
-        let most = MOST_FORCE_N_M * reach_m(&self.robot);
+        let most = MOST_FORCE_N_M * reach_m(self);
         let contact = &self.contact;
         let limits = contact
             .force_limit
@@ -123,7 +123,7 @@ impl Config {
             format!(
                 "{key} = {} N protects nothing: an arm that reaches {} m presses with {} N at most",
                 short(force),
-                short(reach_m(&self.robot)),
+                short(reach_m(self)),
                 short(most)
             )
         };

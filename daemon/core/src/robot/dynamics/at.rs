@@ -3,15 +3,16 @@
 use nalgebra::{SVector, Vector3};
 
 use super::inertia::LinkInertia;
-use super::spatial::{Placement, SpatialInertia};
-use crate::robot::Chain;
+use super::spatial::{Force, Motion, Placement, SpatialInertia};
+use crate::robot::chain::Moved;
+use crate::robot::{Chain, JointKind};
 
 /// A chain of N joints with masses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmDynamics<const N: usize> {
     pub(super) chain: Chain<N>,
     pub(super) links: [SpatialInertia; N],
-    /// kg m² on the joints' side.
+    /// kg m² on the joints' side, of prismatic ones kg.
     pub(super) reflected: SVector<f64, N>,
     /// m/s², base frame.
     pub(super) gravity: Vector3<f64>,
@@ -62,7 +63,7 @@ pub struct DynamicsAt<'a, const N: usize> {
 
 impl<const N: usize> ArmDynamics<N> {
     /// A chain whose joint i moves `links[i]`; the last link has the tool. `reflected` is each
-    /// rotor's inertia times its gear ratio squared, kg m²: it resists its own joint's acceleration.
+    /// rotor's inertia times its gear ratio squared, kg m² (of a prismatic joint kg): it resists its own joint's acceleration.
     /// That the rotors ride on links, and turn with them, is in the links' masses; their gyroscopic
     /// moments are left out. `gravity` in m/s², base frame.
     ///
@@ -86,19 +87,36 @@ impl<const N: usize> ArmDynamics<N> {
         Ok(Self { chain, links: links.map(|link| link.spatial()), reflected, gravity })
     }
 
-    /// At the joint position q in rad.
+    /// At the joint position q in rad or m.
     pub fn at(&self, q: &SVector<f64, N>) -> DynamicsAt<'_, N> {
         let placements = core::array::from_fn(|index| {
             let joint = &self.chain.joints()[index];
-            Placement { rotation: joint.rotation * joint.turn(q[index]), origin: joint.origin }
+            match joint.moved(q[index]) {
+                Moved::Turned(turn) => Placement { rotation: joint.rotation * turn, origin: joint.origin },
+                Moved::Slid(way) => Placement { rotation: joint.rotation, origin: joint.origin + joint.rotation * way },
+            }
         });
         DynamicsAt { arm: self, placements }
     }
 }
 
 impl<const N: usize> DynamicsAt<'_, N> {
-    /// Axis of a joint in its link's frame: turning about it leaves it where it is.
-    pub(super) fn axis(&self, joint: usize) -> &Vector3<f64> {
-        &self.arm.chain.joints()[joint].axis
+    /// What a joint at this speed (rad/s or m/s) does, in its link's frame, S q̇: moving leaves the
+    /// axis where it is.
+    pub(super) fn motion(&self, joint: usize, speed: f64) -> Motion {
+        let joint = &self.arm.chain.joints()[joint];
+        match joint.kind {
+            JointKind::Revolute => Motion::turn(&joint.axis, speed),
+            JointKind::Prismatic => Motion::slide(&joint.axis, speed),
+        }
+    }
+
+    /// The part of a force on the joint's link that the joint itself has to give, Sᵀ f.
+    pub(super) fn along(&self, joint: usize, force: &Force) -> f64 {
+        let joint = &self.arm.chain.joints()[joint];
+        match joint.kind {
+            JointKind::Revolute => joint.axis.dot(&force.moment),
+            JointKind::Prismatic => joint.axis.dot(&force.force),
+        }
     }
 }

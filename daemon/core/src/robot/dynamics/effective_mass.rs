@@ -5,7 +5,7 @@ use nalgebra::{SVector, Vector3};
 use super::at::ArmDynamics;
 
 impl<const N: usize> ArmDynamics<N> {
-    /// 1 / (nᵀ J M⁻¹ Jᵀ n) in kg at the joint position q in rad: the mass with which the TCP answers a
+    /// 1 / (nᵀ J M⁻¹ Jᵀ n) in kg at the joint position q in rad or m: the mass with which the TCP answers a
     /// force along n, a unit vector in the base frame, as long as nothing else acts on the joints
     /// (Khatib 1987). A rotor behind a gear that gives does not count in the first instants: leave it
     /// out of `reflected`. `None` where no joint moves the TCP along n, or values are not finite.

@@ -6,12 +6,12 @@ use super::at::DynamicsAt;
 use super::spatial::{Motion, Placement};
 
 impl<const N: usize> DynamicsAt<'_, N> {
-    /// ½ q̇ᵀ M q̇ in J at a velocity in rad/s, link by link.
+    /// ½ q̇ᵀ M q̇ in J at a velocity in rad/s or m/s, link by link.
     pub fn kinetic_energy(&self, velocity: &SVector<f64, N>) -> f64 {
         let mut v = Motion::ZERO;
         let mut twice = velocity.component_mul(velocity).dot(&self.arm.reflected);
         for joint in 0..N {
-            v = self.placements[joint].body_has(&v) + Motion::turn(self.axis(joint), velocity[joint]);
+            v = self.placements[joint].body_has(&v) + self.motion(joint, velocity[joint]);
             twice += v.dot(&(&self.arm.links[joint] * &v));
         }
         0.5 * twice

@@ -5,8 +5,8 @@ use nalgebra::{SVector, Vector6};
 use super::at::DynamicsAt;
 
 impl<const N: usize> DynamicsAt<'_, N> {
-    /// q̈ = M⁻¹ (τ − C q̇ − G − Jᵀ f̂) in rad/s² (Featherstone, section 6.1), from torques at the joints
-    /// in N m, friction taken off, the velocity in rad/s, and the wrench that the robot exerts on the
+    /// q̈ = M⁻¹ (τ − C q̇ − G − Jᵀ f̂) in rad/s² or m/s² (Featherstone, section 6.1), from torques at the joints
+    /// in N m or N, friction taken off, the velocity in rad/s or m/s, and the wrench that the robot exerts on the
     /// environment at the TCP, base frame, in N and N m. `None` where values are not finite.
     pub fn acceleration(
         &self,

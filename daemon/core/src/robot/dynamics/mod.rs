@@ -6,7 +6,8 @@
 //! exerts on the environment, so τ_ext = Jᵀ f̂: pressing costs motor torque.
 //!
 //! The algorithms are those of R. Featherstone, Rigid Body Dynamics Algorithms (2008), with his
-//! symbols: quantities of a body are spatial vectors in the body's own frame.
+//! symbols: quantities of a body are spatial vectors in the body's own frame. "Torque" is what a
+//! joint's motor gives: N m, of a prismatic joint N, and M has the units that follow from it.
 //!
 //! | question | answer | algorithm |
 //! |---|---|---|
@@ -16,12 +17,13 @@
 //! | which motion do torques bring about? | [`DynamicsAt::acceleration`] | M⁻¹ by Cholesky, section 6.1 |
 //!
 //! ```
-//! use admittance_core::robot::{ArmDynamics, Chain, Joint, LinkInertia, Pose};
+//! use admittance_core::robot::{ArmDynamics, Chain, Joint, JointKind, LinkInertia, Pose};
 //! use nalgebra::{Matrix3, Vector1, Vector3, Vector6};
 //!
 //! // A rod of 1 m and 2 kg that hangs on an axis along y; gravity pulls along −z.
 //! let identity = Matrix3::identity();
-//! let joint = Joint { origin: Vector3::zeros(), rotation: identity, axis: Vector3::y() };
+//! let kind = JointKind::Revolute;
+//! let joint = Joint { origin: Vector3::zeros(), rotation: identity, axis: Vector3::y(), kind };
 //! let tool = Pose { position: Vector3::new(1.0, 0.0, 0.0), rotation: identity };
 //! let chain = Chain::new([joint], tool)?;
 //! let inertia = Matrix3::from_diagonal(&Vector3::new(1e-4, 1.0 / 6.0, 1.0 / 6.0));

@@ -6,9 +6,9 @@ use super::at::DynamicsAt;
 use super::spatial::{Force, Motion};
 
 impl<const N: usize> DynamicsAt<'_, N> {
-    /// M q̈ + C q̇ + G + Jᵀ f̂ in N m: what the motors give without friction (1). Velocity in rad/s,
-    /// acceleration in rad/s²; the wrench in N and N m, which the robot exerts on the environment at
-    /// the TCP, base frame.
+    /// M q̈ + C q̇ + G + Jᵀ f̂ in N m or N: what the motors give without friction (1). Velocity in
+    /// rad/s or m/s, acceleration in rad/s² or m/s²; the wrench in N and N m, which the robot exerts
+    /// on the environment at the TCP, base frame.
     pub fn torque(
         &self,
         velocity: &SVector<f64, N>,
@@ -20,11 +20,9 @@ impl<const N: usize> DynamicsAt<'_, N> {
         let mut v = Motion::ZERO;
         let mut forces = [Force::ZERO; N];
         for joint in 0..N {
-            let turning = Motion::turn(self.axis(joint), velocity[joint]);
-            v = self.placements[joint].body_has(&v) + turning;
-            a = self.placements[joint].body_has(&a)
-                + Motion::turn(self.axis(joint), acceleration[joint])
-                + v.cross(&turning);
+            let moving = self.motion(joint, velocity[joint]);
+            v = self.placements[joint].body_has(&v) + moving;
+            a = self.placements[joint].body_has(&a) + self.motion(joint, acceleration[joint]) + v.cross(&moving);
             let inertia = &self.arm.links[joint];
             forces[joint] = inertia * &a + v.cross_force(&(inertia * &v));
         }
@@ -33,8 +31,7 @@ impl<const N: usize> DynamicsAt<'_, N> {
         }
         let mut torque = SVector::zeros();
         for joint in (0..N).rev() {
-            torque[joint] =
-                self.axis(joint).dot(&forces[joint].moment) + self.arm.reflected[joint] * acceleration[joint];
+            torque[joint] = self.along(joint, &forces[joint]) + self.arm.reflected[joint] * acceleration[joint];
             if joint > 0 {
                 let handed_on = self.placements[joint].parent_has(&forces[joint]);
                 forces[joint - 1] += handed_on;
@@ -48,7 +45,7 @@ impl<const N: usize> DynamicsAt<'_, N> {
         self.torque(velocity, &SVector::zeros(), wrench)
     }
 
-    /// G(q) in N m: the torque that holds the arm at rest.
+    /// G(q) in N m or N: the torque that holds the arm at rest.
     pub fn gravity_torque(&self) -> SVector<f64, N> {
         self.torque(&SVector::zeros(), &SVector::zeros(), &Vector6::zeros())
     }

@@ -50,6 +50,11 @@ impl Motion {
         Self { angular: axis * speed, linear: Vector3::zeros() }
     }
 
+    /// A slide along an axis.
+    pub(super) fn slide(axis: &Vector3<f64>, speed: f64) -> Self {
+        Self { angular: Vector3::zeros(), linear: axis * speed }
+    }
+
     /// self × other, (2.33).
     pub(super) fn cross(&self, other: &Self) -> Self {
         Self {

@@ -6,6 +6,7 @@ mod refusals;
 use std::path::PathBuf;
 
 use admittance_host::config::parse;
+use admittance_host::robot_description::KindName;
 use admittance_runner::config::Config;
 use plant_sim::scenario::Scenario;
 
@@ -27,6 +28,16 @@ fn one_of(text: &str, start: &str) -> Vec<f64> {
     let line = text.lines().find_map(|line| line.strip_prefix(start)).unwrap_or_else(|| panic!("{start}: {text}"));
     let list = line.split(" = ").nth(1).and_then(|list| list.split("   #").next()).expect("a value");
     list.trim_matches(['[', ']']).split(", ").map(|value| value.parse().expect("a number")).collect()
+}
+
+/// The arm with a finger that a tip can hang on.
+fn arm_with_a_finger() -> String {
+    let (point, body) = (
+        "<mass value=\"2\"/><inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>",
+        "<mass value=\"2\"/><inertia ixx=\"1e-3\" ixy=\"0\" ixz=\"0\" iyy=\"1e-3\" iyz=\"0\" izz=\"1e-3\"/>",
+    );
+    assert!(ARM.contains(point));
+    ARM.replacen(point, body, 1)
 }
 
 #[test]
@@ -98,6 +109,29 @@ fn only_what_is_marked_is_left_to_fill_in() {
     }
     let speeds = robot.lines().find(|line| line.starts_with("joint_speed")).expect("a line");
     assert!(speeds.starts_with("joint_speed_rad_s = [nan, 2.0, nan, 3.0, 3.0, 4.0]"), "{speeds}");
+}
+
+/// Down to a finger that slides: seven joints. Down to the wrist: four, with as many axes.
+#[test]
+fn joints_may_slide_and_fewer_than_six_control_what_they_can() {
+    let of = |tip: &str| {
+        let text = printed(arm_with_a_finger().as_bytes(), &origin("world", tip), false)
+            .map_err(|refused| refused.of("arm.urdf"));
+        let text = text.expect("an arm");
+        (parse::<Config>(&marked::with_examples(&text), "arm").expect("valid"), text)
+    };
+    let (config, text) = of("finger");
+    let kinds: Vec<KindName> = config.robot.joint.iter().map(|joint| joint.kind).collect();
+    assert_eq!(kinds[6], KindName::Prismatic);
+    assert!(kinds[..6].iter().all(|kind| *kind == KindName::Revolute));
+    assert_eq!(config.robot.controlled_axes, None);
+    assert!(text.contains("\"finger\", prismatic, speed 0.1 m/s, effort 40 N"), "{text}");
+    assert_eq!((one_of(&text, "joint_position_min_rad")[6], one_of(&text, "joint_position_max_rad")[6]), (0.01, 0.05));
+    let (config, _) = of("wrist");
+    assert_eq!((config.robot.joint.len(), config.robot.task_axes), (4, 6));
+    let controlled = config.robot.controlled_axes.expect("four of them");
+    assert_eq!(controlled, ["x", "y", "z", "rx"]);
+    assert_eq!(config.contact.admittance_axes, [true, true, true, false, false, false]);
 }
 
 /// The masses of the configuration's comment are those of the scenario.

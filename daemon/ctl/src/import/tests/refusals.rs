@@ -1,7 +1,7 @@
 //! What is refused, and how it is named.
 
 use super::super::xml::LARGEST_URDF;
-use super::{ARM, import, origin, printed};
+use super::{ARM, arm_with_a_finger, import, origin, printed};
 
 /// What is said of the arm with one thing replaced.
 fn said(from: &str, to: &str) -> String {
@@ -13,11 +13,6 @@ fn said(from: &str, to: &str) -> String {
 fn what_is_wrong_is_named_with_its_line_and_what_to_do() {
     let shoulder = "joint \"shoulder\": ";
     let cases: &[(&str, &str, &[&str])] = &[
-        (
-            "name=\"shoulder\" type=\"revolute\"",
-            "name=\"shoulder\" type=\"prismatic\"",
-            &[shoulder, "prismatic", "accepted"],
-        ),
         ("name=\"shoulder\" type=\"revolute\"", "name=\"shoulder\" type=\"planar\"", &[shoulder, "planar", "accepted"]),
         (
             "name=\"shoulder\" type=\"revolute\"",
@@ -113,17 +108,27 @@ fn what_is_wrong_is_named_with_its_line_and_what_to_do() {
 }
 
 #[test]
+fn a_joint_that_slides_too_far_is_likely_in_millimetres() {
+    let text = arm_with_a_finger().replacen("lower=\"0.01\" upper=\"0.05\"", "lower=\"10\" upper=\"150\"", 1);
+    let refused = printed(text.as_bytes(), &origin("world", "finger"), false).expect_err("too far").of("arm.urdf");
+    for part in ["joint \"finger\": ", "upper = 150", "in m", "millimetres"] {
+        assert!(refused.contains(part), "{refused}");
+    }
+}
+
+#[test]
 fn base_and_tip_are_links_one_above_the_other() {
     let said = |base, tip| printed(ARM.as_bytes(), &origin(base, tip), false).expect_err("no arm").of("arm.urdf");
     assert!(said("wrld", "tcp").contains("--base \"wrld\": no link of this name; links: \"base\", "));
     assert!(said("world", "tip").contains("--tip \"tip\": no link"));
     assert!(said("tcp", "world").contains("--tip \"world\" is not below --base \"tcp\""));
-    assert!(said("flange", "tcp").contains("0 joints turn"));
-    let three = said("world", "fore");
-    for part in ["3 joints turn", "\"turn\", \"shoulder\", \"elbow\"", "accepted: 2 joints with 2 axes, 6 or 7"] {
-        assert!(three.contains(part), "{three}");
+    assert!(said("flange", "tcp").contains("0 joints move"));
+    let five = said("world", "hand");
+    for part in
+        ["5 joints move", "\"turn\", \"shoulder\", \"elbow\"", "accepted: 2 joints with 2 axes, 3, 4, 6, 7 or 8"]
+    {
+        assert!(five.contains(part), "{five}");
     }
-    assert!(said("world", "finger").contains("joint \"finger\": it is prismatic"));
     // Two joints that are no planar arm: validate would refuse what is printed.
     let two = said("world", "upper");
     assert!(two.contains("task axes are x and y of the base frame"), "{two}");
