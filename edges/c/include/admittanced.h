@@ -162,11 +162,11 @@ typedef struct admittanced_state_sample {
     uint32_t drives_enabled;
     /* 1 when the motion controller plays the planned offsets of a command by elapsed time within its cycle too; 0 = it follows the velocity offset until the next command, and gets one input per cycle. Unit: 1. Range: 0 or 1. */
     uint32_t plays_plan;
-    /* Measured joint positions q. Unit: rad. Range: finite; within the arm's joint limits. */
+    /* Measured joint positions q: rad, of a prismatic joint m. Unit: rad or m. Range: finite; within the arm's joint limits. */
     double joint_position[8];
-    /* Measured joint velocities. Unit: rad/s. Range: finite. */
+    /* Measured joint velocities. Unit: rad/s or m/s. Range: finite. */
     double joint_velocity[8];
-    /* Commanded joint positions q0: they advance with the twist reference alone, whatever the velocity offset does. Unit: rad. Range: finite. */
+    /* Commanded joint positions q0: they advance with the twist reference alone, whatever the velocity offset does. Unit: rad or m. Range: finite. */
     double joint_position_reference[8];
     /* Commanded TCP velocity without any offset: linear x y z, then angular rx ry rz, base frame. Unit: m/s, rad/s. Range: finite. */
     double twist_reference[6];
@@ -240,7 +240,7 @@ typedef struct admittanced_command_sample {
     double verdict_margin;
     /* Velocity offset to add to the twist reference, base frame, at the TCP. It counts when motion = Offset. Unit: m/s, rad/s. Range: finite. */
     double velocity_offset[6];
-    /* Joint-space image of the velocity offset at the measured pose: inverse Jacobian times velocity_offset. Unit: rad/s. Range: finite. */
+    /* Joint-space image of the velocity offset at the measured pose: inverse Jacobian times velocity_offset. Unit: rad/s or m/s. Range: finite. */
     double joint_velocity_offset[8];
     /* Twist reference of the answered sample plus velocity_offset; zero when motion = Hold. Unit: m/s, rad/s. Range: finite. */
     double twist_command[6];
@@ -311,9 +311,9 @@ typedef struct admittanced_truth_sample {
     double penetration_m;
     /* Largest true normal force since the previous truth sample. Unit: N. Range: >= 0. */
     double peak_normal_force_n;
-    /* True joint positions. Unit: rad. Range: finite. */
+    /* True joint positions. Unit: rad or m. Range: finite. */
     double joint_position[8];
-    /* True joint velocities. Unit: rad/s. Range: finite. */
+    /* True joint velocities. Unit: rad/s or m/s. Range: finite. */
     double joint_velocity[8];
     /* True TCP position x y z, base frame. Unit: m. Range: finite. */
     double tcp_position[3];
@@ -558,9 +558,9 @@ typedef struct admittanced_record_sample {
     uint64_t expected_stamp_ns;
     /* What the wrench shows of the acceleration of the tool's centre of gravity after this cycle: what a tool of 1 kg adds to it, at the TCP, base frame; 0 without a tool. Unit: m/s^2, m^2/s^2. Range: finite. */
     double tool_acceleration[6];
-    /* Joint velocities as the law sees them after this cycle: estimated where robot.velocity_loop says that they are reported late, or that loops are of second order. Unit: rad/s. Range: finite. */
+    /* Joint velocities as the law sees them after this cycle: estimated where robot.velocity_loop says that they are reported late, or that loops are of second order. Unit: rad/s or m/s. Range: finite. */
     double joint_velocity[8];
-    /* Joint accelerations, estimated; 0 of loops of first order. Unit: rad/s^2. Range: finite. */
+    /* Joint accelerations, estimated; 0 of loops of first order. Unit: rad/s^2 or m/s^2. Range: finite. */
     double joint_acceleration[8];
     /* The state sample that was answered; all zero without one. Unit: see StateSample. Range: see StateSample. */
     admittanced_state_sample state;
