@@ -31,7 +31,7 @@ mod velocity_loops;
 
 pub use arms::SUPPORTED_ARMS;
 pub use chain::{Chain, ChainError, Joint, Kinematics, Pose, rotation_from_rpy};
-pub use dynamics::{ArmDynamics, DynamicsAt, DynamicsError, LinkInertia};
+pub use dynamics::{ArmDynamics, DynamicsAt, DynamicsError, LinkInertia, Momentum};
 pub use inverse::{InverseJacobian, Singular, right_inverse};
 pub use limits::{Interval, MotionLimits};
 pub use posture::Posture;
