@@ -12,7 +12,7 @@ use ipc_types::{Fault, Mode, RecordKind, RecordSample, StateSample, TASK_AXES};
 use nalgebra::{Matrix3, SVector, Vector6};
 
 use admittance_core::quantities::{AXIS_NAMES, wrench_unit};
-use admittance_runner::config::{Config, GivenInName, WrenchSection};
+use admittance_runner::config::{Config, GivenInName, WrenchSection, WrenchSourceName};
 use admittance_runner::parameters;
 
 /// Samples whose mean becomes the bias.
@@ -53,6 +53,12 @@ impl FreeSamples {
     /// # Errors
     /// A sentence that says why there is none.
     pub(crate) fn bias(&mut self, config: &Config) -> Result<[f64; TASK_AXES], String> {
+        if config.wrench.source == WrenchSourceName::MotorTorque {
+            return Err(
+                "wrench.source = \"motor_torque\" has no sensor to tare: tell masses and friction in [dynamics]"
+                    .to_owned(),
+            );
+        }
         if self.0.len() < SAMPLES {
             return Err(format!(
                 "{} usable samples in a row in free motion, accepted: {SAMPLES}; wait, or see why samples are missing",

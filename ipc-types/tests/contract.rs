@@ -28,8 +28,9 @@ type Compiled = ((&'static str, &'static str), usize, Vec<(&'static str, usize, 
 
 fn compiled_layouts() -> Vec<Compiled> {
     vec![
-        compiled!(StateSample v 1: sequence stamp_ns boot_id applied_command_sequence joint_count wrench_valid
-            drives_enabled plays_plan joint_position joint_velocity joint_position_reference twist_reference wrench),
+        compiled!(StateSample v 2: sequence stamp_ns boot_id applied_command_sequence joint_count wrench_valid
+            drives_enabled plays_plan joint_position joint_velocity joint_position_reference twist_reference wrench
+            joint_torque torque_valid reserved),
         compiled!(CommandSample v 1: sequence stamp_ns boot_id state_sequence state_stamp_ns valid_until_ns fallback_count
             late_count missed_count rejected_count compute_time_ns joint_count motion mode source active_axes verdict
             verdict_axis verdict_side stop_reason plan_length verdict_time_s verdict_margin velocity_offset
@@ -43,12 +44,12 @@ fn compiled_layouts() -> Vec<Compiled> {
             text_length verdict_margin verdict_time_s wrench velocity_offset law enabled force_limit wrench_bias
             normal_stiffness_n_m surface_normal contact_point verdict_axis verdict_side
             believed_stiffness_n_m believed_stiffness_band_n_m believed_normal text),
-        compiled!(RecordSample v 5: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
+        compiled!(RecordSample v 6: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
             dropped_count limited_count contact_losses kind iterations fault limited forced done stop_order enabled
             contact_point wrench law reserved force_limit wrench_bias normal_stiffness_n_m surface_normal
             belief_uncertainty_n expected_pressing_n expected_spring_n expected_stamp_ns tool_acceleration
             joint_velocity joint_acceleration state command exceeded_count wrench_without_lag
-            believed_stiffness_n_m believed_stiffness_band_n_m believed_normal),
+            believed_stiffness_n_m believed_stiffness_band_n_m believed_normal wrench_deviation),
         compiled!(DiagnosticsSample v 4: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
             late_count missed_count rejected_count limited_count dropped_count contact_losses solver_failures mode motion
             stop_reason active_axes verdict verdict_axis verdict_side task_axes verdict_margin verdict_time_s wrench
@@ -168,12 +169,12 @@ fn a_changed_layout_needs_a_new_version_of_its_sample() {
     };
     let found: Vec<_> = SAMPLES.iter().map(of).collect();
     let known = [
-        ("admittanced.StateSample.v1", 0xcc17_6dae_3803_c0a3),
+        ("admittanced.StateSample.v2", 0xed71_9973_c831_411f),
         ("admittanced.CommandSample.v1", 0x9ae5_ec64_959b_6a5f),
         ("admittanced.TruthSample.v1", 0x7aeb_0f8a_3fab_11b8),
         ("admittanced.RequestSample.v1", 0x1f12_9cd2_b9c5_6793),
         ("admittanced.ResponseSample.v3", 0xdf18_0955_864a_b932),
-        ("admittanced.RecordSample.v5", 0xe735_b625_2fa6_6d32),
+        ("admittanced.RecordSample.v6", 0x6cd1_36a4_b634_3cf8),
         ("admittanced.DiagnosticsSample.v4", 0x26ea_539c_74b0_d12c),
     ];
     assert_eq!(found, known, "a sample changed: raise the version in its type name, then change its fingerprint here");

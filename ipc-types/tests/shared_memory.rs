@@ -125,17 +125,17 @@ fn opening_what_nobody_created_says_whom_to_start() {
 /// What a program of a later schema version would publish.
 #[repr(C)]
 #[derive(Debug, ZeroCopySend)]
-#[type_name("admittanced.StateSample.v2")]
+#[type_name("admittanced.StateSample.v3")]
 struct LaterStateSample {
-    bytes: [u64; 42],
+    bytes: [u64; 51],
 }
 
 /// The right name with another size.
 #[repr(C)]
 #[derive(Debug, ZeroCopySend)]
-#[type_name("admittanced.StateSample.v1")]
+#[type_name("admittanced.StateSample.v2")]
 struct ShortStateSample {
-    bytes: [u64; 41],
+    bytes: [u64; 50],
 }
 
 #[test]
@@ -149,12 +149,12 @@ fn a_foreign_type_is_named() {
         assert!(matches!(error, ServiceError::WrongType { .. }), "{error}");
         error.to_string()
     }
-    let later = "service admittanced/r1/state carries admittanced.StateSample.v2 (336 bytes), this program speaks \
-                 admittanced.StateSample.v1 (336 bytes): ";
+    let later = "service admittanced/r1/state carries admittanced.StateSample.v3 (408 bytes), this program speaks \
+                 admittanced.StateSample.v2 (408 bytes): ";
     let error = with::<LaterStateSample>();
     assert!(error.starts_with(later), "{error}");
     let error = with::<ShortStateSample>();
-    assert!(error.contains("carries admittanced.StateSample.v1 (328 bytes), this program speaks"), "{error}");
+    assert!(error.contains("carries admittanced.StateSample.v2 (400 bytes), this program speaks"), "{error}");
 }
 
 #[test]

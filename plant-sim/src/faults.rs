@@ -159,6 +159,8 @@ impl Faults {
                 FaultKind::WrenchInvalid => {
                     sample.wrench_valid = 0;
                     sample.wrench.fill(0.0);
+                    sample.torque_valid = 0;
+                    sample.joint_torque.fill(0.0);
                 }
                 FaultKind::DrivesDisabled => sample.drives_enabled = 0,
                 FaultKind::JointCount => sample.joint_count += 1,

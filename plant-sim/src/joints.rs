@@ -87,6 +87,14 @@ impl<const N: usize> Joints<N> {
         }
     }
 
+    /// The torques that the drives command, on the joints' side, N m; `None` of joints without masses.
+    pub(crate) fn torque(&self) -> Option<&SVector<f64, N>> {
+        match self {
+            Self::FirstOrder(_) => None,
+            Self::RigidBody(arm) => Some(arm.torque()),
+        }
+    }
+
     /// The same joints at rest at a position in rad, where the arm presses with a force in N, base frame.
     #[must_use]
     pub(crate) fn resting_at(&self, start: &SVector<f64, N>, pressing: &Vector3<f64>) -> Self {

@@ -12,6 +12,7 @@ pub mod closed_loop;
 mod driven_clock;
 pub mod fault_matrix;
 mod machine;
+pub mod motor_torque;
 pub mod mujoco;
 mod needs;
 pub mod page;

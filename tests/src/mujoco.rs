@@ -32,6 +32,10 @@ pub struct Sample {
     pub normal_force_n: f64,
     /// Since the last sample, N.
     pub peak_normal_force_n: f64,
+    /// That the robot exerts on the environment, base frame, N.
+    pub force: [f64; 3],
+    /// The state sample, as [`ipc_types::StateSample::from_json`] takes it.
+    pub state: serde_json::Value,
     /// By name.
     pub mode: String,
     /// By name.

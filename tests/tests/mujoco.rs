@@ -4,10 +4,12 @@
 use admittance_core::supervisor::Ending;
 use admittance_host::config::parse;
 use end_to_end::closed_loop::{Experiment, Instant};
+use end_to_end::motor_torque;
 use end_to_end::mujoco::{self, Sample};
 use end_to_end::session::with_keys;
 use end_to_end::{Need, needs};
-use ipc_types::{Mode, StopReason};
+use ipc_types::layout::WireType as _;
+use ipc_types::{Mode, StateSample, StopReason};
 use nalgebra::Vector3;
 
 const CONFIG: &str = include_str!("../../deploy/robots/six-joint.toml");
@@ -47,14 +49,8 @@ impl Judged {
         Self { config, disable_at_s: Some(time_s), ..self }
     }
 
-    fn with_stiff_gears(mut self) -> Self {
-        let mut table: toml::Table = self.scenario.parse().expect("TOML");
-        for joint in table["rigid_body"]["joint"].as_array_mut().expect("joints") {
-            let joint = joint.as_table_mut().expect("a joint");
-            joint.retain(|key, _| !matches!(key, "gear_stiffness_n_m_rad" | "gear_damping_n_m_s_rad"));
-        }
-        self.scenario = table.to_string();
-        self
+    fn with_stiff_gears(self) -> Self {
+        Self { scenario: motor_torque::with_stiff_gears(&self.scenario), ..self }
     }
 
     /// The scenario with the start that plant-sim finds for its time of contact: the other plant is to
@@ -181,4 +177,30 @@ fn gears_that_do_not_give() {
     let peak = found.agree("stiff gears");
     assert!(peak > 50.0, "{peak} N");
     found.went_through(&["Free", "Contact"]);
+}
+
+#[test]
+fn the_wrench_from_motor_torques_is_that_of_the_other_engine() {
+    if !needs(Need::Python) {
+        return;
+    }
+    // What is wrong by 30 % is in f̂ for as long as it lasts: there the band counts.
+    for (wrong, most) in [((0.0, 0.0), 2.0), ((0.05, 0.3), f64::INFINITY)] {
+        let judged = Judged::at(0.1, &[]).with_stiff_gears();
+        let dynamics = motor_torque::dynamics(&judged.scenario, wrong.0, wrong.1, 3);
+        let config = motor_torque::config(&judged.config, &dynamics);
+        let judged = Judged { config, ..judged };
+        let theirs = mujoco::run(&judged.config, &judged.with_start_found(), None);
+        // The daemon's own f̂: its cycle is given the samples that it was given.
+        let config = parse(&judged.config, "daemon.toml").expect("the config is valid");
+        let samples = theirs.iter().map(|sample| {
+            let state = StateSample::from_json(&sample.state).expect("a state sample");
+            (sample.scenario_time_s, state, sample.force)
+        });
+        let found = motor_torque::judge_samples(&config, samples);
+        println!("MuJoCo, masses and friction off by {wrong:?}: {found:?}");
+        assert!(found.rms <= most && found.within >= 0.99, "{found:?}");
+        assert!(theirs.iter().all(|sample| sample.normal_force_n <= motor_torque::LIMIT + 0.5));
+        assert!(theirs.iter().any(|sample| sample.mode == "Contact"), "it touches");
+    }
 }

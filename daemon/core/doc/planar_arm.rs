@@ -2,7 +2,7 @@
 // tests.
 
 use admittance_core::belief::{ContactPoint, ContactSign, Thresholds};
-use admittance_core::intake::{Conditioning, Timing};
+use admittance_core::intake::{Conditioning, Timing, WrenchSource};
 use admittance_core::mpc::Weights;
 use admittance_core::mpc::{Discretization, ForcePoints, InputSelection, InwardSpeed, LowerBound, Options};
 use admittance_core::output::{Law, MAX_STEPS};
@@ -28,6 +28,7 @@ pub(super) fn planar_arm() -> Parameters<2, 2> {
         wrench_time_constant: Vector2::repeat(0.020),
         wrench_dead_time: Span::default(),
         wrench_noise: Vector2::zeros(),
+        wrench_source: WrenchSource::Sample,
         conditioning: Conditioning::none(),
         surface: Surface::plane(1e5, &normal, frame(1.32, 0.68)),
         thresholds: Thresholds {

@@ -103,7 +103,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let joints = joints.follow(sample, output.under_way());
         let way = way.as_mut().and_then(|way| way.follow(sample, &joints, output.under_way(), belief.surface()));
         belief.sense(sample);
-        let felt = belief.felt(&sample.wrench);
+        let felt = belief.felt(&sample.wrench, &sample.wrench_covariance);
         supervisor.admit(sample, &felt);
         if supervisor.is_in_control() {
             belief.follow(sample, &joints.velocity, way.as_ref(), &felt, supervisor.doubts_model(sample.stamp));
@@ -180,6 +180,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             expired_iteration: predicted.expired_iteration,
             active_axes: self.belief.contact().mask(),
             wrench: intake.last().filter(|_| fault.is_none()).map(|last| last.wrench),
+            wrench_deviation: intake
+                .last()
+                .filter(|_| fault.is_none())
+                .map(|last| last.wrench_covariance.diagonal().map(libm::sqrt)),
             arrival: intake.last().filter(|_| fault.is_none()).map(|last| last.arrival),
             wrong_rate: intake.wrong_rate(),
             wrench_without_lag: fault.is_none().then(|| self.belief.without_lag().wrench),

@@ -41,6 +41,8 @@ pub struct Outcome<const N: usize, const D: usize> {
     pub wrench: Option<SVector<f64, D>>,
     /// The same without the lag of f̂; see [`WithoutLag`](crate::belief::WithoutLag).
     pub wrench_without_lag: Option<SVector<f64, D>>,
+    /// Standard deviation of f̂ in N and N·m as motor torques show it; 0 of a wrench that is given.
+    pub wrench_deviation: Option<SVector<f64, D>>,
     /// Why this cycle's sample did not reach the law.
     pub fault: Option<SampleFault>,
     /// How the sample followed the one before it; `None` when it did not reach the law.

@@ -66,6 +66,8 @@
 //!     joint_position_reference: above,
 //!     twist_reference: Vector2::new(0.0, -0.05),
 //!     wrench: GivenWrench(Vector6::zeros()),
+//!     torque_valid: false,
+//!     joint_torque: Vector2::zeros(),
 //! };
 //! let answer = controller.step(Event::Sample(&sample), sample.stamp, &mut || false);
 //! assert_eq!(answer.outcome.mode, ModeName::Free);

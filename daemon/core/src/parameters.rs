@@ -4,7 +4,7 @@
 use nalgebra::SVector;
 
 use crate::belief::{self, ContactPoint, ContactSign, SurfaceSigns, Thresholds};
-use crate::intake::{self, Conditioning, Timing};
+use crate::intake::{self, Conditioning, Timing, TorqueModel, WrenchSource};
 use crate::mpc::condensation::{Capacity, MAX_ROWS};
 use crate::mpc::{self, Discretization, LowerBound, Options, SolverCapacity};
 use crate::output::{self, Law, MAX_STEPS};
@@ -44,6 +44,8 @@ pub struct Parameters<const N: usize, const D: usize> {
     pub wrench_dead_time: Span,
     /// Standard deviation of f̂ per axis in N and N·m, as it is told; 0 where it is not.
     pub wrench_noise: SVector<f64, D>,
+    /// Where the wrench comes from.
+    pub wrench_source: WrenchSource<N>,
     /// How f̂ follows from the wrench as it is given.
     pub conditioning: Conditioning<D>,
     /// The surface.
@@ -81,6 +83,12 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             conditioning: self.conditioning,
             wrench_time_constant: self.wrench_time_constant,
             joint_speed: self.limits.joint_speed,
+            source: self.wrench_source,
+            // A limit is kept by a force that is known to three deviations.
+            largest_deviation: SVector::from_fn(|axis, _| match self.thresholds.admittance[axis] {
+                true => self.mpc.force_limit[axis] / 3.0,
+                false => f64::INFINITY,
+            }),
         }
     }
 
@@ -192,6 +200,9 @@ pub enum ParameterError {
     /// The wrench has a dead time longer than [`MAX_DELAY_CYCLES`](output::MAX_DELAY_CYCLES), or a
     /// tool whose inertia would come late as well, or the model is not exact or leaves delays out.
     WrenchDeadTime,
+    /// The wrench is to follow from motor torques, and the axes differ in T_est, or it is 0, or there is a dead
+    /// time; or the noise of torques or velocity is not above zero.
+    MotorTorque,
     /// The storage is shorter than the horizon needs.
     Storage,
 }
@@ -225,6 +236,10 @@ impl core::fmt::Display for ParameterError {
             Self::WrenchDeadTime => {
                 "a dead time of the wrench must be at most 8 sampling times, with exact discretization, modelled delays \
                  and no tool whose inertia is compensated"
+            }
+            Self::MotorTorque => {
+                "a wrench from motor torques needs one wrench_time_constant_s above 0 s on all axes, no dead time, and noise \
+                 of torques and velocity above 0"
             }
             Self::Storage => "the storage of the MPC is shorter than its horizon needs",
         })
@@ -285,6 +300,11 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         if self.wrench_dead_time > Span::default() && !self.can_wait_for_wrench() {
             return Err(ParameterError::WrenchDeadTime);
         }
+        if let WrenchSource::MotorTorque(model) = &self.wrench_source
+            && !self.can_observe(model)
+        {
+            return Err(ParameterError::MotorTorque);
+        }
         match &self.law {
             Law::Damping { damping } if !damping.iter().all(positive) => Err(ParameterError::Damping),
             _ => Ok(()),
@@ -311,6 +331,14 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             && self.mpc.discretization == Discretization::Zoh
             && self.mpc.models_delay
             && self.conditioning.tool_mass == 0.0
+    }
+
+    /// Whether the observer has one lag, and noise to weigh.
+    fn can_observe(&self, model: &TorqueModel<N>) -> bool {
+        let lags = &self.wrench_time_constant;
+        lags.iter().all(|lag| *lag > 0.0 && *lag == lags.max())
+            && self.wrench_dead_time == Span::ZERO
+            && model.torque_noise.iter().chain([&model.velocity_noise]).all(|noise| *noise > 0.0)
     }
 
     /// The admittance axes that feel the surface.

@@ -42,6 +42,8 @@ pub struct CycleReport {
     pub wrench: [f64; TASK_AXES],
     /// The same without the lag of f̂.
     pub wrench_without_lag: [f64; TASK_AXES],
+    /// Standard deviation of f̂ from motor torques, in N and N·m; zero of a wrench that is given.
+    pub wrench_deviation: [f64; TASK_AXES],
 }
 
 impl CycleReport {
@@ -52,6 +54,7 @@ impl CycleReport {
         record.limited = u32::from(self.limited);
         record.wrench = self.wrench;
         record.wrench_without_lag = self.wrench_without_lag;
+        record.wrench_deviation = self.wrench_deviation;
     }
 }
 
@@ -301,6 +304,9 @@ fn report<const N: usize, const D: usize>(answer: &CycleOutput<'_, N, D>) -> Cyc
         wrench_without_lag: outcome
             .wrench_without_lag
             .map_or([0.0; TASK_AXES], |wrench| wire::padded(wrench.as_slice())),
+        wrench_deviation: outcome
+            .wrench_deviation
+            .map_or([0.0; TASK_AXES], |deviation| wire::padded(deviation.as_slice())),
     }
 }
 

@@ -1,7 +1,7 @@
 //! From the configuration to the core's parameters.
 
 use admittance_core::belief::{ContactPoint, ContactSign, Prior, Thresholds};
-use admittance_core::intake::{Conditioning, GivenIn, GivenSign, Timing};
+use admittance_core::intake::{Conditioning, GivenIn, GivenSign, Timing, WrenchSource};
 use admittance_core::mpc::Weights;
 use admittance_core::mpc::{
     Discretization, ForcePoints, InputSelection, InwardSpeed, LowerBound, Options, growing_steps,
@@ -17,7 +17,7 @@ use nalgebra::{SVector, Vector3};
 use crate::config::{
     Config, ContactPointName, ContactSignName, DiscretizationName, ForcePointsName, GivenInName, GivenSignName,
     InputsName, InwardSpeedName, LawName, LowerBoundName, OnContactLostName, OnInfeasibleName, WeightSpace,
-    WrenchSection,
+    WrenchSection, WrenchSourceName,
 };
 
 /// Span of a horizon that is not given, in time constants of the slowest joint.
@@ -82,6 +82,12 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
         wrench_time_constant: vector(&contact.wrench_time_constant_s)?,
         wrench_dead_time: Span::from_seconds(contact.wrench_dead_time_s),
         wrench_noise: SVector::from_fn(|axis, _| if is_linear(axis) { environment.wrench_noise_n } else { 0.0 }),
+        wrench_source: match config.wrench.source {
+            WrenchSourceName::Sample => WrenchSource::Sample,
+            WrenchSourceName::MotorTorque => {
+                WrenchSource::MotorTorque(config.dynamics.as_ref()?.model(&chain, config.wrench.gravity_m_s2.into())?)
+            }
+        },
         conditioning: conditioning(&config.wrench)?,
         surface: Surface::plane(
             environment.normal_stiffness_n_m,

@@ -24,6 +24,8 @@ pub(crate) fn sample<const N: usize, const D: usize>(state: &StateSample) -> Sam
         joint_position_reference: joints(&state.joint_position_reference),
         twist_reference: SVector::from_fn(|axis, _| state.twist_reference[axis]),
         wrench: GivenWrench(state.wrench.into()),
+        torque_valid: state.torque_valid == 1,
+        joint_torque: joints(&state.joint_torque),
     }
 }
 

@@ -7,7 +7,7 @@ use crate::{MAX_JOINTS, TASK_AXES};
 wire_sample! {
     /// The measured state of the robot and the references that the motion controller follows: one
     /// per cycle.
-    struct StateSample: "admittanced.StateSample.v1", size 336,
+    struct StateSample: "admittanced.StateSample.v2", size 408,
     writer "the motion controller (plant-sim in a simulation)" {
         0 sequence: u64 ["1", ">= 1, one more with every sample"]
             "Number of this sample; restarts at 1 with a new boot_id.";
@@ -42,5 +42,13 @@ wire_sample! {
             "Measured or estimated wrench: force x y z, then torque rx ry rz. Unless the daemon's [wrench] section \
              says otherwise (sign, sensor frame, bias, tool): the one that the ROBOT exerts on the ENVIRONMENT at the \
              TCP, base frame.";
+        336 joint_torque: [f64; MAX_JOINTS] ["N m", "finite when torque_valid = 1"]
+            "Torques of the motors at stamp_ns as the drives command them, times the gear ratio: on the joints' side, \
+             positive the way the joint turns. What friction and rotors take of them is still in them.";
+        400 torque_valid: u32 ["1", "0 or 1"]
+            "1 when joint_torque may be used; 0 = there is none, or it failed. Only wrench.source = \"motor_torque\" of \
+             the daemon looks at it.";
+        404 reserved: u32 ["1", "0"]
+            "Not used: zero.";
     }
 }

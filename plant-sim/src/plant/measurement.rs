@@ -71,6 +71,9 @@ impl<const N: usize, const D: usize> Plant<N, D> {
                     sensor.reading(&at_tcp.into(), &self.kinematics.pose.rotation).into()
                 },
             ),
+            joint_torque: self.parameters.joints.torque().map_or([0.0; MAX_JOINTS], |torque| pad(torque.as_slice())),
+            torque_valid: u32::from(self.parameters.joints.torque().is_some()),
+            reserved: 0,
         };
         self.parameters.faults.falsify(&mut self.sample, self.index, self.parameters.sampling_time_ns);
     }

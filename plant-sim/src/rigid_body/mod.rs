@@ -151,6 +151,11 @@ impl<const N: usize> RigidBody<N> {
         self.arm.effective_mass(position, direction)
     }
 
+    /// The drives' torques on the joints' side, N m.
+    pub(crate) fn torque(&self) -> &SVector<f64, N> {
+        &self.torque
+    }
+
     /// What the encoders show, at the motors: positions in rad and velocities in rad/s.
     pub(crate) fn shown(&self) -> (SVector<f64, N>, SVector<f64, N>) {
         (self.drive.quantised(&self.rotors.position), *self.drive.measured_velocity())

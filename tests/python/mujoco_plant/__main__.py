@@ -4,7 +4,7 @@
 
 CLOCK is the file of the daemon's clock (driven_clock.c), which this plant sets: no sample is late, however long the step
 before it has taken. At DISABLE_AT_S of the motion a person disables control. Prints one JSON object per sample: what was
-true, and what the daemon answered.
+true, the state sample, and what the daemon answered.
 """
 
 import json
@@ -32,6 +32,11 @@ ANSWER_TIMEOUT_S = 30.0
 def code(contract, enum, name):
     """The code of a name."""
     return next(code for code, found in contract.enums[enum].items() if found == name)
+
+
+def plain(value):
+    """A field of a sample as JSON has it."""
+    return list(value) if hasattr(value, "__len__") else value
 
 
 def main(scenario_path, schema_path, root_path, prefix, instance, clock_path, disable_at_s="inf"):
@@ -62,6 +67,7 @@ def main(scenario_path, schema_path, root_path, prefix, instance, clock_path, di
         for key, enum in (("mode", "Mode"), ("stop_reason", "StopReason"), ("source", None), ("fallback_count", None)):
             value = getattr(command, key)
             truth[key] = contract.enum_name(enum, value) if enum else value
+        truth["state"] = {name: plain(getattr(sample, name)) for name, *_ in sample._fields_}
         print(json.dumps(truth))
         plant.integrate()
     clock.release()

@@ -30,11 +30,11 @@ class Drives:
         self.desired = np.zeros(scenario.joints)
         self.velocity = np.zeros(scenario.joints)
         # What the gears have to carry at rest winds them up, and the integral parts hold it there.
-        holding = self.needed(start, np.zeros(scenario.joints))
+        self.holding = self.needed(start, np.zeros(scenario.joints))
         stiffness = scenario.of_joints("gear_stiffness_n_m_rad", math.inf)
-        self.start = start + holding / stiffness
+        self.start = start + self.holding / stiffness
         self.seen = self.quantised(self.start)
-        self.integral = holding - self.factor * self.needed(self.seen, np.zeros(scenario.joints))
+        self.integral = self.holding - self.factor * self.needed(self.seen, np.zeros(scenario.joints))
 
     def quantised(self, position):
         """What the encoders show of motors at a position in rad."""

@@ -29,6 +29,7 @@ class Plant:
         self.estimate, self.pressing = np.zeros(self.axes), np.zeros(self.axes)
         tau = scenario.wrench_time_constant_s
         self.estimate_share = np.where(tau > 0.0, 1.0 - np.exp(-step_s / np.where(tau > 0.0, tau, 1.0)), 1.0)
+        self.torque = self.drives.holding
         self.peak = self.arm.normal_force
 
     def measure(self, sample):
@@ -36,12 +37,14 @@ class Plant:
         sample.stamp_ns = self.now_ns
         sample.applied_command_sequence = self.playback.applied_sequence()
         sample.plays_plan = 1
+        sample.torque_valid = 1
         for field, values in (
             (sample.joint_position, self.drives.quantised(self.arm.motor_position())),
             (sample.joint_velocity, self.drives.velocity),
             (sample.joint_position_reference, self.position_reference),
             (sample.twist_reference, self.scenario.twist(self.index)),
             (sample.wrench, self.estimate),
+            (sample.joint_torque, self.torque),
         ):
             field[: len(values)] = values.tolist()
 
@@ -52,6 +55,7 @@ class Plant:
             "tcp_position": self.arm.position().tolist(),
             "joint_position": self.arm.joint_position().tolist(),
             "normal_force_n": self.arm.normal_force,
+            "force": list(self.arm.force),
             "peak_normal_force_n": self.peak,
         }
         self.peak = self.arm.normal_force
@@ -71,9 +75,9 @@ class Plant:
             if acting != (self.playback.applied_sequence(), step):
                 acting = (self.playback.applied_sequence(), step)
                 reference = self.reference(twist, step)
-            torque = self.drives.tick(self.arm.motor_position(), reference)
+            self.torque = self.drives.tick(self.arm.motor_position(), reference)
             for _ in range(self.steps):
-                self.arm.step(torque)
+                self.arm.step(self.torque)
                 self.look()
             self.now_ns += self.drives.period_ns
         self.playback.apply(self.now_ns)

@@ -136,15 +136,15 @@ fn with_mount(place: &str, size: &str, command: &Command) -> Command {
 /// The right name with another size.
 #[repr(C)]
 #[derive(Debug, ZeroCopySend)]
-#[type_name("admittanced.StateSample.v1")]
+#[type_name("admittanced.StateSample.v2")]
 struct ShortStateSample {
-    bytes: [u64; 41],
+    bytes: [u64; 50],
 }
 
 /// The right size of another schema version.
 #[repr(C)]
 #[derive(Debug, ZeroCopySend)]
-#[type_name("admittanced.StateSample.v0")]
+#[type_name("admittanced.StateSample.v1")]
 struct EarlierStateSample {
-    bytes: [u64; 42],
+    bytes: [u64; 51],
 }

@@ -87,11 +87,11 @@ impl fmt::Display for Injection {
             Self::Restart => f.write_str("SIGTERM to the daemon; once it has ended, another one is started"),
             Self::Start(Newcomer::SameInstance) => f.write_str("a second `admittanced` with the same configuration"),
             Self::Start(Newcomer::ForeignSize) => f.write_str(
-                "a process creates the state service of another instance with samples of 328 bytes; then `admittanced` \
+                "a process creates the state service of another instance with samples of 400 bytes; then `admittanced` \
                  is started for that instance, beside the running one",
             ),
             Self::Start(Newcomer::ForeignVersion) => f.write_str(
-                "a process creates the state service of another instance with `admittanced.StateSample.v0`; then \
+                "a process creates the state service of another instance with `admittanced.StateSample.v1`; then \
                  `admittanced` is started for that instance, beside the running one",
             ),
             Self::Start(Newcomer::FullSharedMemory) => f.write_str(

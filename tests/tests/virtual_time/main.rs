@@ -10,6 +10,7 @@ mod heavy_tool;
 mod inputs_within_the_cycle;
 mod lag_tolerance;
 mod limits_are_constraints;
+mod motor_torque;
 mod paper_experiment;
 mod settling;
 mod stops_and_guards;

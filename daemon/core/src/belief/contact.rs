@@ -2,7 +2,9 @@
 //! release threshold. While it is active it carries the sign of its contact, which never flips:
 //! release first, then activation.
 
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
+
+use crate::intake::band;
 
 /// Thresholds on |f̂| per task axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,6 +19,21 @@ pub struct Thresholds<const D: usize> {
 }
 
 impl<const D: usize> Thresholds<D> {
+    /// The same for an f̂ with this covariance: a force has to be larger than what it may be off by, and
+    /// leaves as much below that as it was told to. As they are for a covariance of zero.
+    #[must_use]
+    pub(crate) fn beyond(&self, covariance: &SMatrix<f64, D, D>) -> Self {
+        let mut beyond = *self;
+        for axis in 0..D {
+            let unsure = band(covariance, axis);
+            if unsure > self.activation[axis] {
+                beyond.activation[axis] = unsure;
+                beyond.release[axis] = unsure * self.release[axis] / self.activation[axis];
+            }
+        }
+        beyond
+    }
+
     /// Which axes feel a force above β in `wrench` (N, N·m).
     pub(crate) fn felt(&self, wrench: &SVector<f64, D>) -> Felt<D> {
         let sign = |axis: usize| {

@@ -36,7 +36,7 @@ mod surface_set;
 mod tests;
 mod way;
 
-use nalgebra::{SVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 pub use contact::Thresholds;
 pub(crate) use contact::{Contact, Felt, SurfaceSigns};
@@ -173,9 +173,9 @@ impl<const D: usize> Belief<D> {
         }
     }
 
-    /// Which axes feel a force above β.
-    pub(crate) fn felt(&self, wrench: &SVector<f64, D>) -> Felt<D> {
-        self.settings.thresholds.felt(wrench)
+    /// Which axes feel a force above β, and above what an f̂ of this covariance may be off by.
+    pub(crate) fn felt(&self, wrench: &SVector<f64, D>, covariance: &SMatrix<f64, D, D>) -> Felt<D> {
+        self.settings.thresholds.beyond(covariance).felt(wrench)
     }
 
     /// Takes the lag out of the wrench of a sample: of every one, since it looks back.
@@ -212,7 +212,8 @@ impl<const D: usize> Belief<D> {
         let contact_point = *contact_point;
         let by_surface = (*sign == ContactSign::Normal).then_some(&self.signs);
         let was_in_contact = self.contact.is_any();
-        self.contact = self.contact.update(thresholds, felt, by_surface, &sample.wrench);
+        self.contact =
+            self.contact.update(&thresholds.beyond(&sample.wrench_covariance), felt, by_surface, &sample.wrench);
         let lag = self.lag();
         if let ContactPoint::Detected { wrench_noise } = contact_point {
             let in_contact = self.contact.is_any();

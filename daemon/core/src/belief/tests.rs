@@ -1,7 +1,7 @@
 //! The belief about the surface, tests of this stage alone; activation and release per axis
 //! (III.C).
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use super::{Belief, Contact, ContactPoint, ContactSign, SurfaceSigns, Thresholds};
 use crate::common::{self, CYCLE, STIFFNESS, pressing};
@@ -33,6 +33,20 @@ fn an_axis_joins_above_activation_and_leaves_below_release() {
     assert!(contact(touched, [3.0, 0.0, 0.0]).active()[0]);
     assert!(!contact(Contact::none(), [4.0, 0.0, 0.0]).is_any());
     assert!(!contact(touched, [2.9, 0.0, 0.0]).is_any());
+}
+
+#[test]
+fn an_unsure_wrench_touches_above_what_it_may_be_off_by() {
+    // Three deviations are 6, 0 and 12.
+    let covariance = Matrix3::from_diagonal(&Vector3::new(4.0, 0.0, 16.0));
+    let told = thresholds();
+    assert_eq!(told.beyond(&Matrix3::zeros()), told, "a sure one is held to what was told");
+    let beyond = told.beyond(&covariance);
+    assert_eq!(beyond.activation, Vector3::new(6.0, 5.0, 12.0));
+    // As much below as told: 3 of 5, and 8 of 8.
+    assert_eq!(beyond.release, Vector3::new(3.6, 3.0, 12.0));
+    let felt = |x: f64| beyond.felt(&Vector3::new(x, 0.0, 0.0)).is_any();
+    assert_eq!((felt(5.9), felt(6.1)), (false, true));
 }
 
 #[test]
@@ -89,7 +103,7 @@ fn follow(belief: &mut Belief<2>, sample: &Sample<2, 2>, doubted: bool) {
 /// The same with joints that move as no sample reports.
 fn follow_moving(belief: &mut Belief<2>, sample: &Sample<2, 2>, joint_velocity: &Vector2<f64>, doubted: bool) {
     let sample = accepted(sample);
-    let felt = belief.felt(&sample.wrench);
+    let felt = belief.felt(&sample.wrench, &sample.wrench_covariance);
     belief.follow(&sample, joint_velocity, None, &felt, doubted);
 }
 
@@ -178,6 +192,6 @@ fn found_off(reported: f64, believed: f64) -> (f64, f64) {
 fn what_is_felt_changes_nothing_by_itself() {
     let belief = Belief::new(parameters(ContactPoint::Configured).belief());
     let before = (belief.snapshot(), *belief.contact());
-    assert!(belief.felt(&Vector2::new(0.0, -8.0)).is_any());
+    assert!(belief.felt(&Vector2::new(0.0, -8.0), &Matrix2::zeros()).is_any());
     assert_eq!((belief.snapshot(), *belief.contact()), before);
 }

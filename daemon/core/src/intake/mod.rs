@@ -11,6 +11,7 @@
 //! assert_eq!(fault.to_string(), "joint_count = 7: this daemon is configured for 6 joints");
 //! ```
 
+mod momentum_observer;
 mod order;
 mod position_track;
 mod rate;
@@ -20,16 +21,19 @@ mod tests;
 mod tool_motion;
 mod wrench;
 
-use nalgebra::{SVector, Vector6};
+use nalgebra::{SMatrix, SVector, Vector6};
 
+pub use momentum_observer::TorqueModel;
+pub(crate) use momentum_observer::band;
 pub use order::{Arrival, Timing};
 pub use rate::WrongRate;
 pub(crate) use sample::Accepted;
 pub use sample::{Field, Sample, SampleFault};
 pub use wrench::{Conditioning, GivenIn, GivenSign};
 
-use crate::quantities::{Instant, Span};
+use crate::quantities::{GivenWrench, Instant, Span};
 use crate::robot::{Chain, Posture};
+use momentum_observer::{Estimate, MomentumObserver, unseen};
 use order::SampleOrder;
 use position_track::PositionTrack;
 use tool_motion::ToolMotion;
@@ -41,6 +45,15 @@ pub enum Event<'a, const N: usize, const D: usize> {
     Sample(&'a Sample<N, D>),
     /// None did for longer than allowed.
     Silence,
+}
+
+/// Where the wrench comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum WrenchSource<const N: usize> {
+    /// The sample gives it.
+    Sample,
+    /// It is what the torques of the motors leave to be explained.
+    MotorTorque(TorqueModel<N>),
 }
 
 /// Settings of this stage.
@@ -56,6 +69,18 @@ pub(crate) struct Settings<const N: usize, const D: usize> {
     pub wrench_time_constant: SVector<f64, D>,
     /// Limits of the joint speeds in rad/s: a joint that moved much faster has jumped.
     pub joint_speed: Option<SVector<f64, N>>,
+    /// Where the wrench comes from.
+    pub source: WrenchSource<N>,
+    /// Standard deviation of f̂ per axis in N and N·m above which torques show too little of it.
+    pub largest_deviation: SVector<f64, D>,
+}
+
+/// The wrench of a sample, however it came by it.
+struct Shown<const D: usize> {
+    wrench: SVector<f64, D>,
+    /// With the tool's inertia as the joint positions show it.
+    by_position: SVector<f64, D>,
+    covariance: SMatrix<f64, D, D>,
 }
 
 /// The stage.
@@ -65,6 +90,7 @@ pub(crate) struct Intake<const N: usize, const D: usize> {
     order: SampleOrder,
     track: PositionTrack<N>,
     tool: ToolMotion<N, D>,
+    observer: Option<MomentumObserver<N, D>>,
     last: Option<Accepted<N, D>>,
     rejected: u64,
 }
@@ -73,7 +99,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
     /// A stage that has seen nothing.
     pub(crate) fn new(settings: Settings<N, D>) -> Self {
         let (order, track, tool) = (SampleOrder::new(), PositionTrack::new(), ToolMotion::steady());
-        Self { settings, order, track, tool, last: None, rejected: 0 }
+        Self { settings, order, track, tool, observer: None, last: None, rejected: 0 }
     }
 
     /// Goes on from what the wrench showed of the tool's acceleration after a recorded cycle: for a
@@ -85,7 +111,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
 
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings, order, track, tool, last, rejected } = old;
+        let Self { settings, order, track, tool, observer, last, rejected } = old;
         self.order = order.under(&self.settings.timing);
         (self.track, self.last, self.rejected) = (*track, *last, *rejected);
         // Of another tool, or through another filter, it would be another acceleration.
@@ -93,6 +119,10 @@ impl<const N: usize, const D: usize> Intake<N, D> {
             |settings: &Settings<N, D>| (settings.conditioning.tool_center_of_gravity, settings.wrench_time_constant);
         if of(settings) == of(&self.settings) {
             self.tool = *tool;
+        }
+        // A changed model sees in the same torques another force.
+        if settings.source == self.settings.source {
+            self.observer = *observer;
         }
     }
 
@@ -116,21 +146,21 @@ impl<const N: usize, const D: usize> Intake<N, D> {
     }
 
     fn check(&mut self, sample: &Sample<N, D>, now: Instant) -> Result<Accepted<N, D>, SampleFault> {
-        let Settings { chain, timing, conditioning, joint_speed, .. } = &self.settings;
+        let Settings { chain, timing, joint_speed, .. } = &self.settings;
         sample.check_joint_count()?;
         self.order.check(sample, now, timing)?;
         sample.check_motion()?;
         let posture = Posture::new(chain, &sample.joint_position);
         let tool = self.tool.followed(&self.settings, sample, &posture);
-        let of_task = |wrench: SVector<f64, D>| chain.axes().kept(&wrench);
-        let wrench = of_task(conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt()));
-        sample.check_wrench(&wrench, conditioning.saturated(&sample.wrench))?;
-        let wrench_by_position = match conditioning.tool_mass {
-            0.0 => wrench,
-            _ => of_task(conditioning.wrench(&sample.wrench, &posture.pose().rotation, tool.felt_by_position())),
+        let (shown, observer) = match &self.settings.source {
+            WrenchSource::Sample => (self.given(sample, &posture, &tool)?, None),
+            WrenchSource::MotorTorque(model) => {
+                let (shown, observer) = self.observed(model, sample, &posture)?;
+                (shown, Some(observer))
+            }
         };
         self.track.follow(sample, joint_speed.as_ref(), chain)?;
-        self.tool = tool;
+        (self.tool, self.observer) = (tool, observer);
         let arrival = self.order.accept(sample, timing);
         Ok(Accepted {
             stamp: sample.stamp,
@@ -141,10 +171,54 @@ impl<const N: usize, const D: usize> Intake<N, D> {
             joint_velocity: sample.joint_velocity,
             joint_position_reference: sample.joint_position_reference,
             twist_reference: chain.axes().kept(&sample.twist_reference),
-            wrench,
-            wrench_by_position,
+            wrench: shown.wrench,
+            wrench_by_position: shown.by_position,
+            wrench_covariance: shown.covariance,
             posture,
         })
+    }
+
+    /// f̂ as the sample gives it.
+    fn given(
+        &self,
+        sample: &Sample<N, D>,
+        posture: &Posture<N, D>,
+        tool: &ToolMotion<N, D>,
+    ) -> Result<Shown<D>, SampleFault> {
+        let (conditioning, rotation) = (&self.settings.conditioning, &posture.pose().rotation);
+        let f_hat = |tool: &SVector<f64, D>| {
+            self.settings.chain.axes().kept(&conditioning.wrench(&sample.wrench, rotation, tool))
+        };
+        let wrench = f_hat(tool.felt());
+        sample.check_wrench(&wrench, conditioning.saturated(&sample.wrench))?;
+        let by_position = match conditioning.tool_mass {
+            0.0 => wrench,
+            _ => f_hat(tool.felt_by_position()),
+        };
+        Ok(Shown { wrench, by_position, covariance: SMatrix::zeros() })
+    }
+
+    /// f̂ as the torques show it, and the filter after the sample.
+    fn observed(
+        &self,
+        model: &TorqueModel<N>,
+        sample: &Sample<N, D>,
+        posture: &Posture<N, D>,
+    ) -> Result<(Shown<D>, MomentumObserver<N, D>), SampleFault> {
+        sample.check_torque()?;
+        let observer = MomentumObserver::followed(self.observer.as_ref(), model, &self.settings, sample, posture)
+            .ok_or_else(|| SampleFault::WrenchUnseen { axis: unseen(posture), deviation: f64::INFINITY })?;
+        let Estimate { wrench, covariance } = observer.estimate();
+        for axis in (0..D).filter(|axis| self.settings.chain.axes().has(*axis)) {
+            let (deviation, most) = (libm::sqrt(covariance[(axis, axis)]), self.settings.largest_deviation[axis]);
+            // NaN is seen no better.
+            if deviation.is_nan() || deviation > most {
+                return Err(SampleFault::WrenchUnseen { axis, deviation });
+            }
+        }
+        let given = GivenWrench(Vector6::from_fn(|axis, _| wrench.get(axis).copied().unwrap_or(0.0)));
+        let wrench = self.settings.conditioning.wrench(&given, &posture.pose().rotation, &SVector::zeros());
+        Ok((Shown { wrench, by_position: wrench, covariance: *covariance }, observer))
     }
 
     /// The last sample that was accepted.

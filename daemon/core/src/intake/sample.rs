@@ -2,10 +2,10 @@
 //! the law may use it.
 
 use admittance_vocabulary::FaultName;
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
 use super::Arrival;
-use crate::quantities::{GivenWrench, Instant, Span};
+use crate::quantities::{AXIS_NAMES, GivenWrench, Instant, Span, wrench_unit};
 use crate::robot::{JointKind, Posture};
 
 /// A state sample of the motion controller, in SI units.
@@ -33,6 +33,10 @@ pub struct Sample<const N: usize, const D: usize> {
     pub twist_reference: SVector<f64, D>,
     /// The wrench as it is given.
     pub wrench: GivenWrench,
+    /// Whether the sender marks `joint_torque` as valid.
+    pub torque_valid: bool,
+    /// τ of the motors in N m, on the joints' side of the gears; friction and rotors are still in it.
+    pub joint_torque: SVector<f64, N>,
 }
 
 /// A sample that the law may use, with everything that follows from it alone.
@@ -58,6 +62,9 @@ pub(crate) struct Accepted<const N: usize, const D: usize> {
     pub wrench: SVector<f64, D>,
     /// The same with the tool's inertia as the joint positions show it, not q̇.
     pub wrench_by_position: SVector<f64, D>,
+    /// Covariance of f̂ in products of N and N·m, as motor torques show it; zero of a wrench that is
+    /// given.
+    pub wrench_covariance: SMatrix<f64, D, D>,
     /// Ψ, J and J⁻¹ at q.
     pub posture: Posture<N, D>,
 }
@@ -75,6 +82,8 @@ pub enum Field {
     TwistReference,
     /// f̂.
     Wrench,
+    /// τ.
+    JointTorque,
 }
 
 impl Field {
@@ -86,6 +95,7 @@ impl Field {
             Self::JointPositionReference => "joint_position_reference",
             Self::TwistReference => "twist_reference",
             Self::Wrench => "wrench",
+            Self::JointTorque => "joint_torque",
         }
     }
 
@@ -124,6 +134,14 @@ impl<const N: usize, const D: usize> Sample<N, D> {
         }
         saturated.map_or(Ok(()), |index| Err(SampleFault::WrenchSaturated { index }))
     }
+
+    /// Checks the torques of the motors.
+    pub(super) fn check_torque(&self) -> Result<(), SampleFault> {
+        if !self.torque_valid {
+            return Err(SampleFault::TorqueInvalid);
+        }
+        Field::JointTorque.check(self.joint_torque.as_slice())
+    }
 }
 
 /// Why a sample never reaches the law.
@@ -153,6 +171,15 @@ pub enum SampleFault {
     },
     /// The sender marks the wrench as invalid.
     WrenchInvalid,
+    /// The sender marks the torques as invalid that the wrench is to follow from.
+    TorqueInvalid,
+    /// The torques show the wrench too badly: near a singular pose, or by their friction.
+    WrenchUnseen {
+        /// Task axis, from 0.
+        axis: usize,
+        /// Standard deviation of f̂ on it in N or N·m; infinite where J has no inverse.
+        deviation: f64,
+    },
     /// The wrench is at the end of the sensor's range: the real one may be larger.
     WrenchSaturated {
         /// Component of the given wrench, from 0.
@@ -199,7 +226,7 @@ impl SampleFault {
             Self::JointCount { .. } => FaultName::JointCount,
             Self::NotFinite { .. } => FaultName::NotFinite,
             Self::Implausible { .. } => FaultName::Implausible,
-            Self::WrenchInvalid => FaultName::WrenchInvalid,
+            Self::WrenchInvalid | Self::TorqueInvalid | Self::WrenchUnseen { .. } => FaultName::WrenchInvalid,
             Self::WrenchSaturated { .. } => FaultName::WrenchSaturated,
             Self::Stale { .. } => FaultName::Stale,
             Self::FromFuture { .. } => FaultName::FromFuture,
@@ -222,6 +249,17 @@ impl core::fmt::Display for SampleFault {
                 write!(f, "{}[{index}] is beyond ±{LARGEST_VALUE:e}, larger than any arm's", field.name())
             }
             Self::WrenchInvalid => f.write_str("wrench_valid = 0: the motion controller marks its wrench as invalid"),
+            Self::TorqueInvalid => f.write_str(
+                "torque_valid = 0: the motion controller marks its torques as invalid, and wrench.source = \"motor_torque\" \
+                 has no other wrench",
+            ),
+            Self::WrenchUnseen { axis, deviation } => write!(
+                f,
+                "the torques do not show the wrench on axis {}: standard deviation {deviation:.1} {}, accepted: at most a \
+                 third of contact.force_limit; J is nearly singular, or friction and masses are told too vaguely",
+                AXIS_NAMES[*axis],
+                wrench_unit(*axis)
+            ),
             Self::WrenchSaturated { index } => {
                 write!(f, "wrench[{index}] is at the end of the sensor's range, wrench.saturation")
             }

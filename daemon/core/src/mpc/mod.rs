@@ -32,6 +32,8 @@
 //! #     joint_position_reference: q,
 //! #     twist_reference: Vector2::new(0.0, -0.05),
 //! #     wrench: GivenWrench(Vector6::zeros()),
+//! #     torque_valid: false,
+//! #     joint_torque: Vector2::zeros(),
 //! # };
 //! # sample.joint_position.x -= 0.0031;
 //! # let mut controller = Controller::new(parameters, solver, storage).unwrap();

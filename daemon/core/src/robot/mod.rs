@@ -25,6 +25,7 @@
 mod arms;
 mod chain;
 mod dynamics;
+mod friction;
 mod inverse;
 mod limits;
 mod posture;
@@ -33,7 +34,8 @@ mod velocity_loops;
 
 pub use arms::SUPPORTED_ARMS;
 pub use chain::{Chain, ChainError, Joint, JointKind, Kinematics, Pose, rotation_from_rpy};
-pub use dynamics::{ArmDynamics, DynamicsAt, DynamicsError, LinkInertia};
+pub use dynamics::{ArmDynamics, DynamicsAt, DynamicsError, LinkInertia, Momentum};
+pub use friction::JointFriction;
 pub use inverse::{InverseJacobian, Singular, right_inverse};
 pub use limits::{Interval, MotionLimits};
 pub use posture::Posture;

@@ -69,6 +69,8 @@ impl<const D: usize> Supervisor<D> {
             SampleFault::NotFinite { .. }
             | SampleFault::Implausible { .. }
             | SampleFault::WrenchInvalid
+            | SampleFault::TorqueInvalid
+            | SampleFault::WrenchUnseen { .. }
             | SampleFault::WrenchSaturated { .. }
             | SampleFault::FromFuture { .. }
             | SampleFault::Unnumbered

@@ -21,18 +21,29 @@ pub struct Guards {
 }
 
 impl Guards {
-    /// Whether some |f̂| is above its limit by more than the guard allows.
-    pub(super) fn measured<const D: usize>(&self, wrench: &SVector<f64, D>, limits: &Limits<'_, D>) -> Option<Cause> {
+    /// Whether some |f̂| is above its limit by more than the guard allows, and than it is `unsure` by (N,
+    /// N·m).
+    pub(super) fn measured<const D: usize>(
+        &self,
+        wrench: &SVector<f64, D>,
+        unsure: &SVector<f64, D>,
+        limits: &Limits<'_, D>,
+    ) -> Option<Cause> {
         let beyond = self.force?;
         let noise = |axis: usize| NOISE_DEVIATIONS * limits.noise[axis];
-        limits.are_passed(wrench, |axis| beyond + noise(axis)).then_some(Cause::MeasuredForce)
+        limits.are_passed(wrench, |axis| beyond + noise(axis) + unsure[axis]).then_some(Cause::MeasuredForce)
     }
 
     /// The same of the force without the lag of f̂, as far as it is not what a tool may feign.
-    pub(super) fn exceeded<const D: usize>(&self, force: &WithoutLag<D>, limits: &Limits<'_, D>) -> Option<Cause> {
+    pub(super) fn exceeded<const D: usize>(
+        &self,
+        force: &WithoutLag<D>,
+        unsure: &SVector<f64, D>,
+        limits: &Limits<'_, D>,
+    ) -> Option<Cause> {
         let beyond = self.force?;
         let certain = WithoutLag { wrench: force.certain, ..*force };
-        limits.are_passed_without_lag(&certain, |_| beyond).then_some(Cause::ForceExceeded)
+        limits.are_passed_without_lag(&certain, |axis| beyond + unsure[axis]).then_some(Cause::ForceExceeded)
     }
 
     /// Whether the force is further from the expected one than the guard and noise allow, in this

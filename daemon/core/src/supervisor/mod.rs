@@ -42,8 +42,8 @@ pub use settings::{OnContactLost, OnInfeasible};
 
 pub(crate) use task::{Bridge, Task};
 
-use crate::belief::{Belief, Felt};
-use crate::intake::Accepted;
+use crate::belief::{Belief, Felt, NOISE_DEVIATIONS};
+use crate::intake::{Accepted, band};
 use crate::mpc::{Demand, InwardSpeed, LowerBound, Situation};
 use crate::output::ContactEnd;
 use crate::quantities::Instant;
@@ -217,9 +217,11 @@ impl<const D: usize> Supervisor<D> {
     /// What the guards say about a sample. In contact they also count the cycles in a row.
     pub(crate) fn guard<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) -> Option<Cause> {
         let Settings { guards, thresholds, wrench_noise, sign, .. } = &self.settings;
-        let (limits, noise) = (self.settings.limits(), wrench_noise.max());
-        let measured = guards.measured(&sample.wrench, &limits);
-        let exceeded = guards.exceeded(belief.without_lag(), &limits);
+        let unsure: SVector<f64, D> = SVector::from_fn(|axis, _| band(&sample.wrench_covariance, axis));
+        let most = (0..D).filter(|axis| thresholds.admittance[*axis]).map(|axis| unsure[axis]).fold(0.0, f64::max);
+        let (limits, noise) = (self.settings.limits(), wrench_noise.max().max(most / NOISE_DEVIATIONS));
+        let measured = guards.measured(&sample.wrench, &unsure, &limits);
+        let exceeded = guards.exceeded(belief.without_lag(), &unsure, &limits);
         match &mut self.mode {
             // A touch is for the MPC to judge first: its stop knows what is attainable.
             Mode::Free { pulled_since, .. } => {

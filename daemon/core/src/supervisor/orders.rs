@@ -118,7 +118,7 @@ impl<const D: usize> Supervisor<D> {
             return Err(EnableRefused::Ending);
         }
         if let (Mode::Idle(_), Some(last)) = (&self.mode, last)
-            && let Some(axis) = belief.felt(&last.wrench).first()
+            && let Some(axis) = belief.felt(&last.wrench, &last.wrench_covariance).first()
         {
             let (force, activation) = (last.wrench[axis], self.settings.thresholds.activation[axis]);
             return Err(EnableRefused::InContact { axis, force, activation });

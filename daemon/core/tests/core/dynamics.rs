@@ -55,6 +55,9 @@ struct Answers {
     mass_matrix: Vec<Vec<f64>>,
     bias: Vec<f64>,
     gravity: Vec<f64>,
+    momentum: Vec<f64>,
+    carried: Vec<f64>,
+    link_weights: Vec<Vec<f64>>,
     forward: Vec<f64>,
     kinetic_energy: [f64; 1],
     potential_energy: [f64; 1],
@@ -107,6 +110,11 @@ fn check_golden<const N: usize>() {
         close("M", here.mass_matrix().as_slice(), &mass);
         close("C q̇ + G", here.bias(&velocity, &Vector6::zeros()).as_slice(), &answers.bias);
         close("G", here.gravity_torque().as_slice(), &answers.gravity);
+        let motion = here.momentum(&velocity);
+        close("p", motion.momentum.as_slice(), &answers.momentum);
+        close("Cᵀ q̇", motion.carried.as_slice(), &answers.carried);
+        // Its columns are the file's rows.
+        close("weights", here.link_weights().as_slice(), &answers.link_weights.concat());
         let forward = here.acceleration(&velocity, &vector(&given.drive), &wrench).expect("finite");
         close("acceleration", forward.as_slice(), &answers.forward);
         close("kinetic energy", &[here.kinetic_energy(&velocity)], &answers.kinetic_energy);

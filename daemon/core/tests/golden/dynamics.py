@@ -13,7 +13,8 @@ those of no frame, and rotors behind gears.
 Conventions: SI units, rad; of prismatic joints m and N. `inertia` is about the centre of gravity, along the axes of the link's frame; `reflected` is
 a rotor's inertia times its gear ratio squared (kg of a prismatic joint); `wrench` is what the robot exerts on the environment at the tool centre
 point, in the base frame, so that Pinocchio's external force is its reaction. `torque` answers `acceleration` with the
-wrench, `forward` is the acceleration that `drive` brings about with the wrench. The kinetic energy is that of the links
+wrench, `forward` is the acceleration that `drive` brings about with the wrench. `momentum` is M q̇, `carried` is Cᵀ q̇ with the C of
+Christoffel's symbols, `link_weights` has a row for each link that weighs alone. The kinetic energy is that of the links
 as Pinocchio moves them, and of the rotors: its own sum leaves the rotors out, but for those of prismatic joints.
 """
 
@@ -68,7 +69,7 @@ def placed(item):
     return pin.SE3(pin.rpy.rpyToMatrix(*item["rpy"]), np.array(item["origin"]))
 
 
-def model_of(arm):
+def model_of(arm, weighs=lambda link: True):
     model = pin.Model()
     parent = 0
     for index, (item, body) in enumerate(zip(arm["joints"], arm["links"])):
@@ -77,7 +78,8 @@ def model_of(arm):
         joint = kind(axis / np.linalg.norm(axis))
         parent = model.addJoint(parent, joint, placed(item), f"joint {index}")
         inertia = pin.Inertia(body["mass"], np.array(body["center_of_gravity"]), np.array(body["inertia"]))
-        model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+        if weighs(index):
+            model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
     model.armature = np.array(arm["reflected"])
     model.gravity = pin.Motion(np.array(arm["gravity"]), np.zeros(3))
     tool = model.addFrame(pin.Frame("tool", parent, placed(arm["tool"]), pin.FrameType.OP_FRAME))
@@ -93,6 +95,12 @@ def reaction(model, data, tool, q, wrench):
     forces = pin.StdVec_Force([pin.Force.Zero() for _ in range(model.njoints)])
     forces[last] = data.oMi[last].actInv(at_tool.act(exerted))
     return forces
+
+
+def weight_of(arm, link, q):
+    """What holds an arm of which only one link weighs anything."""
+    model, _ = model_of(arm, lambda other: other == link)
+    return pin.computeGeneralizedGravity(model, model.createData(), q)
 
 
 def case(source, arm):
@@ -123,6 +131,9 @@ def case(source, arm):
         "mass_matrix": mass.tolist(),
         "bias": pin.nonLinearEffects(model, data, q, v).tolist(),
         "gravity": pin.computeGeneralizedGravity(model, data, q).tolist(),
+        "momentum": (mass @ v).tolist(),
+        "carried": (pin.computeCoriolisMatrix(model, data, q, v).T @ v).tolist(),
+        "link_weights": [weight_of(arm, link, q).tolist() for link in range(joints)],
         "forward": pin.aba(model, data, q, v, drive, forces).tolist(),
         "kinetic_energy": [moving + rotors],
         "potential_energy": [pin.computePotentialEnergy(model, data, q)],
@@ -143,23 +154,23 @@ def golden():
     return {"generated_by": f"dynamics.py with Pinocchio {VERSION}", "seed": SEED, "arms": arms}
 
 
-def agree(found, expected, is_answer=False):
+def agree(found, expected, agreement, is_answer=False):
     if isinstance(expected, dict):
         keys = found.keys() == expected.keys() if isinstance(found, dict) else False
-        return keys and all(agree(found[key], expected[key], is_answer or key == "answers") for key in expected)
+        return keys and all(agree(found[key], expected[key], agreement, is_answer or key == "answers") for key in expected)
     if is_answer and isinstance(expected, list):
         found, expected = np.array(found), np.array(expected)
         return found.shape == expected.shape and bool(
-            np.all(np.abs(found - expected) <= AGREEMENT * np.max(np.abs(expected)))
+            np.all(np.abs(found - expected) <= agreement * np.max(np.abs(expected)))
         )
     if isinstance(expected, list):
         same = isinstance(found, list) and len(found) == len(expected)
-        return same and all(agree(one, other, is_answer) for one, other in zip(found, expected))
+        return same and all(agree(one, other, agreement, is_answer) for one, other in zip(found, expected))
     return found == expected
 
 
-def main(arguments):
-    target = pathlib.Path(__file__).with_suffix(".json")
+def main(arguments, golden=golden, script=pathlib.Path(__file__), agreement=AGREEMENT):
+    target = script.with_suffix(".json")
     if arguments not in ([], ["--check"]):
         print(__doc__, file=sys.stderr)
         return 64
@@ -170,8 +181,8 @@ def main(arguments):
     if not arguments:
         target.write_bytes((pretty(computed) + "\n").encode())
         return 0
-    if not target.exists() or not agree(json.loads(target.read_text()), computed):
-        print(f"{target} is not what {pathlib.Path(__file__).name} computes: regenerate it", file=sys.stderr)
+    if not target.exists() or not agree(json.loads(target.read_text()), computed, agreement):
+        print(f"{target} is not what {script.name} computes: regenerate it", file=sys.stderr)
         return 1
     print(f"{target.name}: as computed by Pinocchio {VERSION}")
     return 0

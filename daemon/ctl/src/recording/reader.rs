@@ -151,12 +151,17 @@ impl Recording {
 }
 
 /// A state sample with the present names of its fields: what is `plays_plan` now was `reserved`,
-/// and zero.
+/// and zero. Torques there were none.
 fn with_present_names(mut state: Value) -> Value {
-    if let Some(object) = state.as_object_mut()
-        && let Some(reserved) = object.remove("reserved")
-    {
-        object.entry("plays_plan").or_insert(reserved);
+    if let (Some(object), Value::Object(zeroed)) = (state.as_object_mut(), StateSample::zeroed().to_json()) {
+        if !object.contains_key("plays_plan")
+            && let Some(reserved) = object.remove("reserved")
+        {
+            object.insert("plays_plan".to_owned(), reserved);
+        }
+        for name in ["joint_torque", "torque_valid", "reserved"] {
+            object.entry(name).or_insert_with(|| zeroed[name].clone());
+        }
     }
     state
 }
@@ -165,6 +170,7 @@ fn with_present_names(mut state: Value) -> Value {
 fn version_of(cycle: &Value) -> u32 {
     let has = |field: &str| cycle.get(field).is_some();
     match () {
+        () if has("wrench_deviation") => 7,
         () if has("believed_normal") => 6,
         () if has("believed_stiffness_n_m") => 5,
         () if has("wrench_without_lag") => {

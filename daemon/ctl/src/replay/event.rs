@@ -70,4 +70,7 @@ pub(super) fn copy_missing(version: u32, replayed: &mut RecordSample, record: &R
     if version < 6 {
         replayed.believed_normal = record.believed_normal;
     }
+    if version < 7 {
+        replayed.wrench_deviation = record.wrench_deviation;
+    }
 }

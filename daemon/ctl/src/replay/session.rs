@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use admittance_core::quantities::Instant;
 use admittance_host::config;
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, WrenchSourceName};
 use admittance_runner::cycle::{self, Cycle, Memory};
 use admittance_runner::settings::Settings;
 use ipc_types::layout::WireType as _;
@@ -168,7 +168,11 @@ impl<'a> Session<'a> {
             }
             let cycle = cycle::build(&config).map_err(|why| (Exit::Config, why))?;
             self.begin(cycle, record, "the controller was fresh");
-        } else if is_free(record, kind) && !remembers_surface(record, &self.config) {
+        } else if is_free(record, kind)
+            && !remembers_surface(record, &self.config)
+            && self.config.wrench.source == WrenchSourceName::Sample
+        {
+            // An observer of torques forgets too slowly to be run in.
             // What requests have changed since the file was read is in every record, and free
             // motion was enabled.
             settings(record)?.apply(&mut self.config);

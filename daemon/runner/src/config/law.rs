@@ -39,7 +39,7 @@ fn named(config: &Config, error: ParameterError) -> (&'static str, String) {
         ParameterError::ForceLimit => ("contact.force_limit", format!("{:?}", contact.force_limit)),
         ParameterError::Damping => ("damping.damping_n_s_m", "as given".to_owned()),
         ParameterError::MinimumForce => ("contact.minimum_force", format!("{:?}", contact.minimum_force)),
-        ParameterError::Detection => {
+        ParameterError::Detection | ParameterError::MotorTorque => {
             ("contact.wrench_time_constant_s", format!("{:?}", contact.wrench_time_constant_s))
         }
         ParameterError::WrenchDeadTime => ("contact.wrench_dead_time_s", contact.wrench_dead_time_s.to_string()),

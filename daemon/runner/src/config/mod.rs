@@ -11,9 +11,11 @@ use admittance_host::{config_file, config_section};
 
 mod contact;
 mod control;
+mod dynamics;
 mod environment;
 mod law;
 mod limits;
+mod motor_torque;
 mod mpc;
 mod plausibility;
 mod requests;
@@ -24,6 +26,7 @@ mod wrench;
 
 pub use contact::{ContactSection, ContactSignName, LowerBoundName, OnContactLostName};
 pub use control::{Control, LawName, Wait};
+pub use dynamics::{DynamicsSection, JointDynamics};
 pub use environment::{ContactPointName, EnvironmentSection};
 pub use limits::LimitsSection;
 pub use mpc::{
@@ -32,7 +35,7 @@ pub use mpc::{
 pub use plausibility::{contact_distance_m, has_regular_pose, reach_m};
 pub use requests::RequestsSection;
 pub use stopping::{DampingSection, StoppingSection};
-pub use wrench::{GivenInName, GivenSignName, WrenchSection};
+pub use wrench::{GivenInName, GivenSignName, WrenchSection, WrenchSourceName};
 
 config_section! {
     /// The whole file.
@@ -45,6 +48,8 @@ config_section! {
         control: Control;
         /// How the state sample's wrench is given.
         wrench: WrenchSection;
+        /// Masses and friction of the arm; required with wrench.source = "motor_torque".
+        dynamics: Option<DynamicsSection>;
         /// Contact and force.
         contact: ContactSection;
         /// The surface.
@@ -144,6 +149,7 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     plausibility::check_arm(config, errors);
     check_velocity_loop(config, errors);
     check_wrench_dead_time(config, errors);
+    motor_torque::check_motor_torque(config, errors);
     // What the deadband hides must be released already: hysteresis and limits see the whole force.
     let releases = config.wrench.deadband.iter().flatten().zip(&config.contact.release_threshold);
     for (axis, (deadband, release)) in releases.enumerate().filter(|(_, (deadband, release))| deadband > release) {

@@ -24,11 +24,25 @@ config_enum! {
     }
 }
 
+config_enum! {
+    /// Where the wrench comes from.
+    pub enum WrenchSourceName {
+        /// The state sample gives it.
+        Sample = "sample",
+        /// It follows from the state sample's joint_torque, by what [dynamics] tells of the arm;
+        /// contact.wrench_time_constant_s is then the lag that the estimate is made to have.
+        MotorTorque = "motor_torque",
+    }
+}
+
 config_section! {
     /// How the state sample's wrench is given. Bias, frame, sign, and the weight and the inertia of
     /// the tool are removed before anything else sees it; lists of six are forces x y z, then
     /// torques rx ry rz, as the sample gives them.
     pub struct WrenchSection {
+        /// Where it comes from; all that follows is about one that the state sample gives, but for deadband
+        /// and gravity_m_s2.
+        source: WrenchSourceName = WrenchSourceName::Sample;
         /// Its axes, and the point that its torques are about.
         given_in: GivenInName = GivenInName::Base;
         /// The direction of the wrench: who exerts it on whom.

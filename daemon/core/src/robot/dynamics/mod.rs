@@ -14,6 +14,8 @@
 //! | which torques does a motion take? | [`DynamicsAt::torque`] | recursive Newton-Euler, table 5.1 |
 //! | what is M(q)? | [`DynamicsAt::mass_matrix`] | composite rigid bodies, table 6.2 |
 //! | what does it weigh in an impact? | [`ArmDynamics::effective_mass`] | M⁻¹ by Cholesky, Khatib 1987 |
+//! | what is p, and what carries it on? | [`DynamicsAt::momentum`] | one pass out, one back |
+//! | what does each link ask for? | [`DynamicsAt::link_weights`] | its weight handed on |
 //! | which motion do torques bring about? | [`DynamicsAt::acceleration`] | M⁻¹ by Cholesky, section 6.1 |
 //!
 //! ```
@@ -44,9 +46,12 @@ mod effective_mass;
 mod energy;
 mod forward;
 mod inertia;
+mod link_weights;
 mod mass_matrix;
+mod momentum;
 mod newton_euler;
 mod spatial;
 
 pub use at::{ArmDynamics, DynamicsAt, DynamicsError};
 pub use inertia::LinkInertia;
+pub use momentum::Momentum;

@@ -76,6 +76,8 @@ pub(crate) fn pressing(force: f64, sequence: u64) -> Sample<2, 2> {
         joint_position_reference: q,
         twist_reference: Vector2::zeros(),
         wrench: given(-normal() * force.max(0.0)),
+        torque_valid: false,
+        joint_torque: Vector2::zeros(),
     }
 }
 
