@@ -144,7 +144,7 @@
 #define ADMITTANCED_TASK_AXIS_RZ 5u /* About z of the base frame: radians, newton metres. */
 
 /* The measured state of the robot and the references that the motion controller follows: one per cycle. Written by the motion controller (plant-sim in a simulation). */
-#define ADMITTANCED_STATE_SAMPLE_TYPE_NAME "admittanced.StateSample.v1"
+#define ADMITTANCED_STATE_SAMPLE_TYPE_NAME "admittanced.StateSample.v2"
 typedef struct admittanced_state_sample {
     /* Number of this sample; restarts at 1 with a new boot_id. Unit: 1. Range: >= 1, one more with every sample. */
     uint64_t sequence;
@@ -172,8 +172,14 @@ typedef struct admittanced_state_sample {
     double twist_reference[6];
     /* Measured or estimated wrench: force x y z, then torque rx ry rz. Unless the daemon's [wrench] section says otherwise (sign, sensor frame, bias, tool): the one that the ROBOT exerts on the ENVIRONMENT at the TCP, base frame. Unit: N, N m. Range: finite when wrench_valid = 1. */
     double wrench[6];
+    /* Torques of the motors at stamp_ns as the drives command them, times the gear ratio: on the joints' side, positive the way the joint turns. What friction and rotors take of them is still in them. Unit: N m. Range: finite when torque_valid = 1. */
+    double joint_torque[8];
+    /* 1 when joint_torque may be used; 0 = there is none, or it failed. Only wrench.source = "motor_torque" of the daemon looks at it. Unit: 1. Range: 0 or 1. */
+    uint32_t torque_valid;
+    /* Not used: zero. Unit: 1. Range: 0. */
+    uint32_t reserved;
 } admittanced_state_sample;
-ADMITTANCED_ASSERT(sizeof(admittanced_state_sample) == 336, "admittanced_state_sample");
+ADMITTANCED_ASSERT(sizeof(admittanced_state_sample) == 408, "admittanced_state_sample");
 ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_state_sample) == 8, "admittanced_state_sample");
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, sequence) == 0, "admittanced_state_sample.sequence");
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, stamp_ns) == 8, "admittanced_state_sample.stamp_ns");
@@ -188,6 +194,9 @@ ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, joint_velocity) == 112, "a
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, joint_position_reference) == 176, "admittanced_state_sample.joint_position_reference");
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, twist_reference) == 240, "admittanced_state_sample.twist_reference");
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, wrench) == 288, "admittanced_state_sample.wrench");
+ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, joint_torque) == 336, "admittanced_state_sample.joint_torque");
+ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, torque_valid) == 400, "admittanced_state_sample.torque_valid");
+ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, reserved) == 404, "admittanced_state_sample.reserved");
 
 /* The answer to one state sample: the velocity offset, the plan behind it, and why. Written by admittanced. */
 #define ADMITTANCED_COMMAND_SAMPLE_TYPE_NAME "admittanced.CommandSample.v1"
@@ -494,7 +503,7 @@ ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, believed_normal) == 416
 ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, text) == 440, "admittanced_response_sample.text");
 
 /* Inputs and outputs of the daemon's law: everything that a replay or an inspection of a cycle needs. Written by admittanced (service thread). */
-#define ADMITTANCED_RECORD_SAMPLE_TYPE_NAME "admittanced.RecordSample.v5"
+#define ADMITTANCED_RECORD_SAMPLE_TYPE_NAME "admittanced.RecordSample.v6"
 typedef struct admittanced_record_sample {
     /* Number of this record; a reader that sees a gap has lost records. Restarts at 1 with a new boot_id. Unit: 1. Range: >= 1, one more with every record. */
     uint64_t sequence;
@@ -576,8 +585,10 @@ typedef struct admittanced_record_sample {
     double believed_stiffness_band_n_m[2];
     /* Outward surface normal as it is believed to be after this cycle, base frame: surface_normal, unless a tolerance of it was told. Unit: 1. Range: finite. */
     double believed_normal[3];
+    /* Standard deviation of wrench where it follows from motor torques; 0 of a wrench that the state sample gives. Unit: N, N m. Range: >= 0. */
+    double wrench_deviation[6];
 } admittanced_record_sample;
-ADMITTANCED_ASSERT(sizeof(admittanced_record_sample) == 3064, "admittanced_record_sample");
+ADMITTANCED_ASSERT(sizeof(admittanced_record_sample) == 3184, "admittanced_record_sample");
 ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_record_sample) == 8, "admittanced_record_sample");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, sequence) == 0, "admittanced_record_sample.sequence");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, now_ns) == 8, "admittanced_record_sample.now_ns");
@@ -613,12 +624,13 @@ ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, tool_acceleration) == 352
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, joint_velocity) == 400, "admittanced_record_sample.joint_velocity");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, joint_acceleration) == 464, "admittanced_record_sample.joint_acceleration");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, state) == 528, "admittanced_record_sample.state");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, command) == 864, "admittanced_record_sample.command");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, exceeded_count) == 2960, "admittanced_record_sample.exceeded_count");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_without_lag) == 2968, "admittanced_record_sample.wrench_without_lag");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_n_m) == 3016, "admittanced_record_sample.believed_stiffness_n_m");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_band_n_m) == 3024, "admittanced_record_sample.believed_stiffness_band_n_m");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_normal) == 3040, "admittanced_record_sample.believed_normal");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, command) == 936, "admittanced_record_sample.command");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, exceeded_count) == 3032, "admittanced_record_sample.exceeded_count");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_without_lag) == 3040, "admittanced_record_sample.wrench_without_lag");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_n_m) == 3088, "admittanced_record_sample.believed_stiffness_n_m");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_band_n_m) == 3096, "admittanced_record_sample.believed_stiffness_band_n_m");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_normal) == 3112, "admittanced_record_sample.believed_normal");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_deviation) == 3136, "admittanced_record_sample.wrench_deviation");
 
 /* How the daemon is doing: a few times a second. Written by admittanced (service thread). */
 #define ADMITTANCED_DIAGNOSTICS_SAMPLE_TYPE_NAME "admittanced.DiagnosticsSample.v4"
