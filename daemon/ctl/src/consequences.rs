@@ -106,7 +106,7 @@ fn work(config: &Config, touch: &Touch, speed_m_s: f64) -> Result<String, String
     }
     let work = Arc::new(Work::default());
     let watched = Arc::clone(&work);
-    let cycle = cycle::build_with(config, None, move |solver| Watched { solver, work: Arc::clone(&watched) })?;
+    let cycle = cycle::build_watched(config, &|solver| Box::new(Watched { solver, work: Arc::clone(&watched) }))?;
     let plant = VirtualRun::new(&touch.scenario(config, speed_m_s)).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle, plant);
     while run.step()?.is_some() {}

@@ -6,6 +6,7 @@ use std::any::Any;
 use admittance_core::Controller;
 use admittance_core::belief::{Expected, JointMotion, Snapshot};
 use admittance_core::intake::{Arrival, Event, SampleFault, WrongRate};
+use admittance_core::mpc::qp::{Answer, Qp, QpOutcome};
 use admittance_core::mpc::{ActiveSet, QpSolver};
 use admittance_core::quantities::{Instant, Span};
 use admittance_core::robot::{SUPPORTED_ARMS, Singular};
@@ -185,7 +186,7 @@ impl Memory {
 /// # Errors
 /// A sentence about what the law does not accept.
 pub fn build(config: &Config) -> Result<Box<dyn Cycle>, String> {
-    build_with(config, None, |solver| solver)
+    build_with(config, None, &|solver| Box::new(solver))
 }
 
 /// The same, starting from a recorded memory: for a replay that begins after earlier contacts.
@@ -193,17 +194,33 @@ pub fn build(config: &Config) -> Result<Box<dyn Cycle>, String> {
 /// # Errors
 /// As [`build`].
 pub fn build_remembering(config: &Config, memory: &Memory) -> Result<Box<dyn Cycle>, String> {
-    build_with(config, Some(memory), |solver| solver)
+    build_with(config, Some(memory), &|solver| Box::new(solver))
 }
 
-/// The same with a wrapper around its solver: for measurements.
+/// The same with another solver in the place of its own, which it may ask: for measurements.
 ///
 /// # Errors
 /// As [`build`].
-pub fn build_with<S: QpSolver + Send + 'static>(
+pub fn build_watched(
+    config: &Config,
+    watch: &dyn Fn(Solver) -> Box<dyn QpSolver + Send>,
+) -> Result<Box<dyn Cycle>, String> {
+    build_with(config, None, watch)
+}
+
+/// Any solver, so that the law is compiled once for each arm: that takes half a minute an arm.
+struct AnySolver(Box<dyn QpSolver + Send>);
+
+impl QpSolver for AnySolver {
+    fn solve(&mut self, qp: &Qp<'_>, answer: &mut Answer<'_>, expired: &mut dyn FnMut() -> bool) -> QpOutcome {
+        self.0.solve(qp, answer, expired)
+    }
+}
+
+fn build_with(
     config: &Config,
     memory: Option<&Memory>,
-    wrap: impl Fn(Solver) -> S,
+    wrap: &dyn Fn(Solver) -> Box<dyn QpSolver + Send>,
 ) -> Result<Box<dyn Cycle>, String> {
     let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
     with_arm!((joints, axes), <N, D> => {
@@ -214,7 +231,7 @@ pub fn build_with<S: QpSolver + Send + 'static>(
             let solver = ActiveSet::new(capacity, config.mpc.max_iterations, zeros(capacity.storage_len()))
                 .ok_or("the horizon is longer than the solver takes")?;
             let storage = zeros(parameters.storage_len());
-            let controller = Controller::new(parameters, wrap(solver), storage).map_err(|error| error.to_string())?;
+            let controller = Controller::new(parameters, AnySolver(wrap(solver)), storage).map_err(|error| error.to_string())?;
             Ok(Box::new(match memory {
                 Some(memory) => {
                     let [velocity, acceleration] =
@@ -242,18 +259,18 @@ fn zeros(length: usize) -> Box<[f64]> {
     vec![0.0; length].into_boxed_slice()
 }
 
-struct ArmCycle<const N: usize, const D: usize, S> {
-    controller: Box<Controller<N, D, S, Box<[f64]>>>,
+struct ArmCycle<const N: usize, const D: usize> {
+    controller: Box<Controller<N, D, AnySolver, Box<[f64]>>>,
     /// The one for a motion controller that differs in whether it plays the plan within its cycle;
     /// `None` where there is one input per cycle for all.
-    other: Option<Box<Controller<N, D, S, Box<[f64]>>>>,
+    other: Option<Box<Controller<N, D, AnySolver, Box<[f64]>>>>,
     /// Whether the last sample's motion controller does.
     plays_plan: bool,
     command_delay: Span,
     settings: Settings,
 }
 
-impl<const N: usize, const D: usize, S: QpSolver + Send + 'static> ArmCycle<N, D, S> {
+impl<const N: usize, const D: usize> ArmCycle<N, D> {
     /// Whoever follows the first input for a whole cycle must get one that is meant for it.
     fn suit(&mut self, plays_plan: bool) {
         if let Some(other) = self.other.as_mut().filter(|_| plays_plan != self.plays_plan) {
@@ -310,7 +327,7 @@ fn report<const N: usize, const D: usize>(answer: &CycleOutput<'_, N, D>) -> Cyc
     }
 }
 
-impl<const N: usize, const D: usize, S: QpSolver + Send + 'static> Cycle for ArmCycle<N, D, S> {
+impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
     fn answer(
         &mut self,
         state: &StateSample,

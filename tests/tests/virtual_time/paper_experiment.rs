@@ -180,7 +180,8 @@ fn forces_do_not_depend_on_the_solver() {
             config.mpc.inputs_per_cycle = Some(inputs);
             let own = run(cycle::build(&config).expect("a controller"), &scenario);
             config.mpc.solver_tolerance = settings.tolerance;
-            let judge = cycle::build_with(&config, None, |_| ClarabelSolver::new(settings)).expect("a controller");
+            let judge =
+                cycle::build_watched(&config, &|_| Box::new(ClarabelSolver::new(settings))).expect("a controller");
             let reference = run(judge, &scenario);
             assert_eq!(own.forces.len(), reference.forces.len());
             let differences = own.forces.iter().flatten().zip(reference.forces.iter().flatten());

@@ -109,7 +109,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     let solver_ended = Arc::new(AtomicU64::new(0));
     let ended = Arc::clone(&solver_ended);
     let notes = Notes { cycles: Arc::clone(&cycles), count: Arc::clone(&count), solver_ended };
-    let cycle = cycle::build_with(&config, None, |solver| Timed { solver, ended: Arc::clone(&ended) })
+    let cycle = cycle::build_watched(&config, &|solver| Box::new(Timed { solver, ended: Arc::clone(&ended) }))
         .map_err(|why| (Exit::Config, why))?;
     let mut thread = ObservedThread::start(&config, cycle, &settings, notes).map_err(|why| (Exit::Unavailable, why))?;
     while !thread.is_finished() {

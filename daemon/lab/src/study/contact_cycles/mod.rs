@@ -102,7 +102,8 @@ fn press(seed: u64, index: u64) -> Result<Seen, String> {
     let what = |why: String| format!("contact {index} of seed {seed}, {}: {why}", draw.cell);
     let plant = VirtualRun::new(&draw.scenario).map_err(|why| what(why.to_string()))?;
     let (watch, outcomes) = watched::pair();
-    let cycle = cycle::build_with(&draw.config, None, |solver| Watched::new(solver, watch.clone())).map_err(what)?;
+    let cycle =
+        cycle::build_watched(&draw.config, &|solver| Box::new(Watched::new(solver, watch.clone()))).map_err(what)?;
     let mut run = VirtualTime::new(cycle, plant);
     let mut seen = Seen {
         index,
