@@ -34,7 +34,7 @@ pub struct Sample {
     pub peak_normal_force_n: f64,
     /// That the robot exerts on the environment, base frame, N.
     pub force: [f64; 3],
-    /// The state sample, as [`ipc_types::StateSample::from_json`] takes it.
+    /// The state sample, as the schema names its fields.
     pub state: serde_json::Value,
     /// By name.
     pub mode: String,
