@@ -46,12 +46,11 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         };
     let name = args.config.as_ref().map_or("the recorded configuration".into(), |path| path.display().to_string());
     let mut config: Config = config::parse(&text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
-    let version = recording.metadata().get("version").map_or("unknown", String::as_str);
-    let defaults = Defaults::of(version);
     if args.config.is_none() {
-        defaults.complete(&mut config);
+        Defaults::of(recording.record_version()).complete(&mut config);
     }
-    let mut session = Session::new(config, recording.configurations(), recording.record_version(), defaults)?;
+    let mut session = Session::new(config, recording.configurations(), recording.record_version())?;
+    let version = recording.metadata().get("version").map_or("unknown", String::as_str);
     if version != env!("CARGO_PKG_VERSION") {
         println!("recorded with version {version}, replayed with {}", env!("CARGO_PKG_VERSION"));
     }

@@ -38,8 +38,6 @@ pub(crate) struct Session<'a> {
     config: Config,
     configurations: &'a BTreeMap<u64, String>,
     record_version: u32,
-    /// What absent keys of the recorded configurations mean.
-    defaults: Defaults,
     state: State,
     /// The last answer of the replay.
     command: CommandSample,
@@ -56,19 +54,17 @@ pub(crate) struct Session<'a> {
 impl<'a> Session<'a> {
     /// A replay that begins with this configuration; those of later records replace it.
     /// Fields that records of `record_version` lack are not compared; keys that later ones lack mean
-    /// what `defaults` says.
+    /// what they did then.
     pub(crate) fn new(
         config: Config,
         configurations: &'a BTreeMap<u64, String>,
         record_version: u32,
-        defaults: Defaults,
     ) -> Result<Self, (Exit, String)> {
         cycle::build(&config).map_err(|why| (Exit::Config, why))?;
         Ok(Self {
             config,
             configurations,
             record_version,
-            defaults,
             state: State::Searching,
             command: CommandSample::zeroed(),
             ahead: None,
@@ -255,7 +251,7 @@ impl<'a> Session<'a> {
             };
             let name = format!("the configuration recorded with record {}", record.sequence);
             self.config = config::parse(text, &name).map_err(|error| (Exit::Config, error.to_string()))?;
-            self.defaults.complete(&mut self.config);
+            Defaults::of(self.record_version).complete(&mut self.config);
         }
         settings(record)?.apply(&mut self.config);
         Ok(true)

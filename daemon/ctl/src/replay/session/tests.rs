@@ -62,8 +62,7 @@ fn replay(records: &[RecordSample]) -> (Option<u64>, u64) {
 /// The same under another configuration.
 fn replay_of(config: Config, records: &[RecordSample]) -> (Option<u64>, u64) {
     let configurations = BTreeMap::new();
-    let mut session =
-        Session::new(config, &configurations, PRESENT_RECORD_VERSION, Defaults::Present).expect("a known arm");
+    let mut session = Session::new(config, &configurations, PRESENT_RECORD_VERSION).expect("a known arm");
     for record in records {
         if session.take(record).expect("sound records").is_some() {
             return (Some(record.sequence), session.compared());
