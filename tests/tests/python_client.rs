@@ -45,7 +45,7 @@ import admittance
 root_path, prefix, instance, daemon = sys.argv[1:]
 answered, in_time = 0, 0
 with admittance.Client(root_path=root_path, prefix=prefix, instance=instance, joint_count=2, sampling_time_s=0.004,
-                       command_delay_s=0.001, velocity_offset_limit=[1.0, 1.0],
+                       command_delay_s=0.001, velocity_offset_limit=[1.0] * 6,
                        joint_velocity_offset_limit=[6.0, 6.0]) as client:
     assert client.newest() is None
     stamp = time.monotonic_ns() + 4_000_000
@@ -68,13 +68,20 @@ with admittance.Client(root_path=root_path, prefix=prefix, instance=instance, jo
     until = told.until_ns
     told = client.apply(stamp + 1_000_000_000)
     assert told.hold and set(told.velocity_offset) == {0.0}, told
-    for limits in ([0.0, 1.0], [1.0, float("nan")]):
+    for limits in ([0.0] + [1.0] * 5, [1.0] * 5 + [float("nan")]):
         try:
             admittance.Client(root_path=root_path, prefix=prefix, instance="other", joint_count=2, sampling_time_s=0.004,
-                              command_delay_s=0.001, velocity_offset_limit=limits, joint_velocity_offset_limit=[1.0])
+                              command_delay_s=0.001, velocity_offset_limit=limits,
+                              joint_velocity_offset_limit=[1.0, 1.0])
             raise SystemExit("a limit that is none was accepted")
         except admittance.Failure as failure:
             assert "limit of velocity_offset" in str(failure), failure
+    try:
+        admittance.Client(root_path=root_path, prefix=prefix, instance="other", joint_count=2, sampling_time_s=0.004,
+                          command_delay_s=0.001, velocity_offset_limit=[1.0] * 6, joint_velocity_offset_limit=[1.0])
+        raise SystemExit("a joint without a limit was accepted")
+    except ValueError as error:
+        assert "joint_velocity_offset_limit: 1 values: accepted: 2" in str(error), error
 print(answered, "of 100 answered")
 "#;
         let arguments = [

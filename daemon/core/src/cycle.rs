@@ -79,8 +79,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self.intake.take_over(intake);
         self.belief.take_over(belief);
         self.joints.take_over(joints);
-        if let (Some(way), Some(old)) = (&mut self.way, way) {
-            way.take_over(old);
+        if let Some(own) = &mut self.way {
+            own.take_over(way.as_ref());
         }
         self.supervisor.take_over(supervisor);
         self.output.take_over(output);

@@ -65,6 +65,10 @@ inline span<double> joint_velocity(admittanced_state_sample &sample) noexcept {
 inline span<double> joint_position_reference(admittanced_state_sample &sample) noexcept {
     return {sample.joint_position_reference, sample.joint_count};
 }
+// What the motors give, on the joints' side of their gears, for a daemon with wrench.source = "motor_torque": N m.
+inline span<double> joint_torque(admittanced_state_sample &sample) noexcept {
+    return {sample.joint_torque, sample.joint_count};
+}
 // x y z rx ry rz at the TCP, base frame: m/s and rad/s; N and N m that the robot exerts on the environment.
 inline span<double> twist_reference(admittanced_state_sample &sample) noexcept {
     return {sample.twist_reference, ADMITTANCED_TASK_AXES};

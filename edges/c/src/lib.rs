@@ -129,7 +129,7 @@ pub unsafe extern "C" fn admittance_client_close(client: *mut Client) {
 
 /// A cycle begins whose state was measured at `stamp_ns` of CLOCK_MONOTONIC. Fills in who the sample is from (sequence,
 /// stamp, boot, joints, the command in force; plays_plan = 1) and sets the rest to 0: positions, velocities, references,
-/// wrench, wrench_valid and drives_enabled are the caller's to set.
+/// wrench, wrench_valid, joint_torque, torque_valid and drives_enabled are the caller's to set.
 ///
 /// # Safety
 /// `client` is a handle that no other thread uses; `sample` points to room for a sample.

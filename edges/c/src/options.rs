@@ -15,6 +15,10 @@ pub const ABI_VERSION: u32 = 1;
 #[derive(Debug)]
 #[repr(C)]
 pub struct Options {
+    /// ADMITTANCE_CLIENT_ABI_VERSION, as it was when the program was built.
+    pub abi_version: u32,
+    /// Joints, 1 to 8.
+    pub joint_count: u32,
     /// `ipc.root_path` of the daemon: an absolute path, such as "/run/admittanced".
     pub root_path: *const c_char,
     /// `ipc.prefix` of the daemon.
@@ -32,10 +36,6 @@ pub struct Options {
     pub velocity_offset_limit: [f64; TASK_AXES],
     /// The same for each joint of its joint-space image, rad/s. Above 0; INFINITY for none.
     pub joint_velocity_offset_limit: [f64; MAX_JOINTS],
-    /// Joints, 1 to 8.
-    pub joint_count: u32,
-    /// ADMITTANCE_CLIENT_ABI_VERSION, as it was when the program was built.
-    pub abi_version: u32,
 }
 
 /// Why nothing was opened.

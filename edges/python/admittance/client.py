@@ -21,6 +21,8 @@ _HOLD = next(code for code, name in codes("Motion").items() if name == "Hold")
 
 class _Options(ctypes.Structure):
     _fields_ = [
+        ("abi_version", ctypes.c_uint32),
+        ("joint_count", ctypes.c_uint32),
         ("root_path", ctypes.c_char_p),
         ("prefix", ctypes.c_char_p),
         ("instance", ctypes.c_char_p),
@@ -29,8 +31,6 @@ class _Options(ctypes.Structure):
         ("command_delay_ns", ctypes.c_uint64),
         ("velocity_offset_limit", ctypes.c_double * _AXES),
         ("joint_velocity_offset_limit", ctypes.c_double * _JOINTS),
-        ("joint_count", ctypes.c_uint32),
-        ("abi_version", ctypes.c_uint32),
     ]
 
 
@@ -135,24 +135,25 @@ class Client:
         name: str = "python",
     ) -> None:
         self._handle = ctypes.c_void_p()
-        if len(velocity_offset_limit) > _AXES or len(joint_velocity_offset_limit) > _JOINTS:
-            raise ValueError(f"limits: accepted: at most {_AXES} axes and {_JOINTS} joints")
-
-        def filled(values: Sequence[float], length: int) -> list[float]:
-            # Axes and joints that are not there move nothing.
-            return [*values, *[math.inf] * (length - len(values))]
-
+        for key, limits, length in (
+            ("velocity_offset_limit", velocity_offset_limit, _AXES),
+            ("joint_velocity_offset_limit", joint_velocity_offset_limit, joint_count),
+        ):
+            if len(limits) != length:
+                raise ValueError(f"{key}: {len(limits)} values: accepted: {length}, math.inf for none")
+        # Joints that are not there move nothing.
+        joint_limits = [*joint_velocity_offset_limit, *[math.inf] * (_JOINTS - joint_count)]
         options = _Options(
+            _ABI_VERSION,
+            joint_count,
             root_path.encode(),
             prefix.encode(),
             instance.encode(),
             name.encode(),
             round(sampling_time_s * 1e9),
             round(command_delay_s * 1e9),
-            (ctypes.c_double * _AXES)(*filled(velocity_offset_limit, _AXES)),
-            (ctypes.c_double * _JOINTS)(*filled(joint_velocity_offset_limit, _JOINTS)),
-            joint_count,
-            _ABI_VERSION,
+            (ctypes.c_double * _AXES)(*velocity_offset_limit),
+            (ctypes.c_double * _JOINTS)(*joint_limits),
         )
         why = ctypes.create_string_buffer(512)
         status = _library.admittance_client_open(options, self._handle, why, len(why))

@@ -19,8 +19,9 @@ pub struct Thresholds<const D: usize> {
 }
 
 impl<const D: usize> Thresholds<D> {
-    /// The same for an f̂ with this covariance: a force has to be larger than what it may be off by, and
-    /// leaves as much below that as it was told to. As they are for a covariance of zero.
+    /// The same for an f̂ with this covariance: a force has to be larger than what it may be off by. An
+    /// axis leaves where it was told to: an arm that comes to rest on a surface knows its friction less
+    /// well, and must not take that for the end of the contact.
     #[must_use]
     pub(crate) fn beyond(&self, covariance: &SMatrix<f64, D, D>) -> Self {
         let mut beyond = *self;
@@ -28,7 +29,6 @@ impl<const D: usize> Thresholds<D> {
             let unsure = band(covariance, axis);
             if unsure > self.activation[axis] {
                 beyond.activation[axis] = unsure;
-                beyond.release[axis] = unsure * self.release[axis] / self.activation[axis];
             }
         }
         beyond

@@ -31,9 +31,10 @@ impl<const N: usize, const D: usize> WayObserver<N, D> {
         Self { loops, last: None }
     }
 
-    /// Takes over the state of `old`, with these loops.
-    pub(crate) fn take_over(&mut self, old: &Self) {
-        self.last = old.last;
+    /// Takes over the state of `old`, with these loops; where it did not follow the way, what this one
+    /// last saw is too old.
+    pub(crate) fn take_over(&mut self, old: Option<&Self>) {
+        self.last = old.and_then(|old| old.last);
     }
 
     /// The way to `sample`, at which the joints have this motion, by the commands `under_way` since

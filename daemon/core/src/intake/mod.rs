@@ -24,7 +24,7 @@ mod wrench;
 use nalgebra::{SMatrix, SVector, Vector6};
 
 pub use momentum_observer::TorqueModel;
-pub(crate) use momentum_observer::band;
+pub(crate) use momentum_observer::{band, band_along};
 pub use order::{Arrival, Timing};
 pub use rate::WrongRate;
 pub(crate) use sample::Accepted;
@@ -155,8 +155,13 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         let (shown, observer) = match &self.settings.source {
             WrenchSource::Sample => (self.given(sample, &posture, &tool)?, None),
             WrenchSource::MotorTorque(model) => {
-                let (shown, observer) = self.observed(model, sample, &posture)?;
-                (shown, Some(observer))
+                let observer = self.observed(model, sample, &posture)?;
+                let shown = self.shown(&observer, &posture);
+                if shown.is_err() {
+                    // The torques were good: who forgets them forgets why too little is known.
+                    self.observer = Some(observer);
+                }
+                (shown?, Some(observer))
             }
         };
         self.track.follow(sample, joint_speed.as_ref(), chain)?;
@@ -198,16 +203,21 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         Ok(Shown { wrench, by_position, covariance: SMatrix::zeros() })
     }
 
-    /// f̂ as the torques show it, and the filter after the sample.
+    /// The filter of the torques after the sample.
     fn observed(
         &self,
         model: &TorqueModel<N>,
         sample: &Sample<N, D>,
         posture: &Posture<N, D>,
-    ) -> Result<(Shown<D>, MomentumObserver<N, D>), SampleFault> {
+    ) -> Result<MomentumObserver<N, D>, SampleFault> {
         sample.check_torque()?;
-        let observer = MomentumObserver::followed(self.observer.as_ref(), model, &self.settings, sample, posture)
-            .ok_or_else(|| SampleFault::WrenchUnseen { axis: unseen(posture), deviation: f64::INFINITY })?;
+        MomentumObserver::followed(self.observer.as_ref(), model, &self.settings, sample, posture).ok_or_else(|| {
+            SampleFault::WrenchUnseen { axis: unseen(self.settings.chain.axes(), posture), deviation: f64::INFINITY }
+        })
+    }
+
+    /// f̂ as the torques show it.
+    fn shown(&self, observer: &MomentumObserver<N, D>, posture: &Posture<N, D>) -> Result<Shown<D>, SampleFault> {
         let Estimate { wrench, covariance } = observer.estimate();
         for axis in (0..D).filter(|axis| self.settings.chain.axes().has(*axis)) {
             let (deviation, most) = (libm::sqrt(covariance[(axis, axis)]), self.settings.largest_deviation[axis]);
@@ -216,9 +226,10 @@ impl<const N: usize, const D: usize> Intake<N, D> {
                 return Err(SampleFault::WrenchUnseen { axis, deviation });
             }
         }
+        Field::Wrench.check(wrench.as_slice())?;
         let given = GivenWrench(Vector6::from_fn(|axis, _| wrench.get(axis).copied().unwrap_or(0.0)));
         let wrench = self.settings.conditioning.wrench(&given, &posture.pose().rotation, &SVector::zeros());
-        Ok((Shown { wrench, by_position: wrench, covariance: *covariance }, observer))
+        Ok(Shown { wrench, by_position: wrench, covariance: *covariance })
     }
 
     /// The last sample that was accepted.

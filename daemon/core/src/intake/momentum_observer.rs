@@ -6,7 +6,7 @@
 //! random walk, and M q̇ is what is measured.
 //!
 //! How fast f̂ walks decides the filter's lag. The model (6) must know that lag, so it is the other way
-//! round here. With S the covariance of p over T_est, a walk of J⁻ᵀ (Q + 2 S) J⁻¹ / T_est², Q being that of
+//! round here. With P the covariance of p, a walk of J⁻ᵀ (Q + 2 P / T_est) J⁻¹ / T_est², Q being that of
 //! the torques' noise, solves the filter's Riccati equation such that along every axis, at every pose, its
 //! gain of p is T_est times that of f̂: the lag of f̂ is T_est, and its overshoot at most 4 %.
 //!
@@ -17,7 +17,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::{Sample, Settings};
 use crate::quantities::Instant;
-use crate::robot::{ArmDynamics, JointFriction, Posture};
+use crate::robot::{ArmDynamics, JointFriction, Posture, TaskAxes};
 
 /// Share of J Jᵀ that keeps it invertible where J is not, far above rounding.
 const LEAST_SEEN: f64 = 1e-9;
@@ -29,6 +29,11 @@ const BAND_DEVIATIONS: f64 = 3.0;
 /// What f̂ of this covariance may be off by on an axis, N or N m: three standard deviations.
 pub(crate) fn band<const D: usize>(covariance: &SMatrix<f64, D, D>, axis: usize) -> f64 {
     BAND_DEVIATIONS * libm::sqrt(covariance[(axis, axis)])
+}
+
+/// The same of the force along a direction, N.
+pub(crate) fn band_along<const D: usize>(covariance: &SMatrix<f64, D, D>, direction: &SVector<f64, D>) -> f64 {
+    BAND_DEVIATIONS * libm::sqrt(direction.dot(&(covariance * direction)).max(0.0))
 }
 
 /// What the observer knows of the arm, and how well.
@@ -135,12 +140,15 @@ impl<const N: usize, const D: usize> Seen<N, D> {
     }
 }
 
-/// The task axis along which a force loads the joints least.
-pub(super) fn unseen<const N: usize, const D: usize>(posture: &Posture<N, D>) -> usize {
+/// Of these task axes the one along which a force loads the joints least.
+pub(super) fn unseen<const N: usize, const D: usize>(axes: TaskAxes, posture: &Posture<N, D>) -> usize {
     let gram = posture.jacobian() * posture.jacobian().transpose();
     let never_zero = SMatrix::identity() * (LEAST_SEEN * gram.trace());
     let Some(inverse) = (gram + never_zero).try_inverse() else { return 0 };
-    (0..D).max_by(|one, other| inverse[(*one, *one)].total_cmp(&inverse[(*other, *other)])).unwrap_or(0)
+    (0..D)
+        .filter(|axis| axes.has(*axis))
+        .max_by(|one, other| inverse[(*one, *one)].total_cmp(&inverse[(*other, *other)]))
+        .unwrap_or(0)
 }
 
 fn symmetric<const K: usize>(matrix: &SMatrix<f64, K, K>) -> SMatrix<f64, K, K> {

@@ -100,7 +100,7 @@ impl Field {
     }
 
     /// Whether every value is finite and plausible for an arm.
-    fn check(self, values: &[f64]) -> Result<(), SampleFault> {
+    pub(super) fn check(self, values: &[f64]) -> Result<(), SampleFault> {
         if let Some(index) = values.iter().position(|value| !value.is_finite()) {
             return Err(SampleFault::NotFinite { field: self, index });
         }

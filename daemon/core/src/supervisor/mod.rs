@@ -43,7 +43,7 @@ pub use settings::{OnContactLost, OnInfeasible};
 pub(crate) use task::{Bridge, Task};
 
 use crate::belief::{Belief, Felt, NOISE_DEVIATIONS};
-use crate::intake::{Accepted, band};
+use crate::intake::{Accepted, band, band_along};
 use crate::mpc::{Demand, InwardSpeed, LowerBound, Situation};
 use crate::output::ContactEnd;
 use crate::quantities::Instant;
@@ -218,8 +218,9 @@ impl<const D: usize> Supervisor<D> {
     pub(crate) fn guard<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) -> Option<Cause> {
         let Settings { guards, thresholds, wrench_noise, sign, .. } = &self.settings;
         let unsure: SVector<f64, D> = SVector::from_fn(|axis, _| band(&sample.wrench_covariance, axis));
-        let most = (0..D).filter(|axis| thresholds.admittance[*axis]).map(|axis| unsure[axis]).fold(0.0, f64::max);
-        let (limits, noise) = (self.settings.limits(), wrench_noise.max().max(most / NOISE_DEVIATIONS));
+        // What the pressing force may be off by.
+        let pressing = band_along(&sample.wrench_covariance, &belief.surface().normal);
+        let (limits, noise) = (self.settings.limits(), wrench_noise.max().max(pressing / NOISE_DEVIATIONS));
         let measured = guards.measured(&sample.wrench, &unsure, &limits);
         let exceeded = guards.exceeded(belief.without_lag(), &unsure, &limits);
         match &mut self.mode {

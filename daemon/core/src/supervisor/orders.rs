@@ -5,7 +5,7 @@ use admittance_vocabulary::ModeName;
 use super::permission::Permission;
 use super::{Cause, Ending, Mode, Supervisor};
 use crate::belief::Belief;
-use crate::intake::Accepted;
+use crate::intake::{Accepted, band};
 use crate::quantities::{AXIS_NAMES, Instant, wrench_unit};
 
 /// Why a reset is refused.
@@ -120,7 +120,8 @@ impl<const D: usize> Supervisor<D> {
         if let (Mode::Idle(_), Some(last)) = (&self.mode, last)
             && let Some(axis) = belief.felt(&last.wrench, &last.wrench_covariance).first()
         {
-            let (force, activation) = (last.wrench[axis], self.settings.thresholds.activation[axis]);
+            let activation = self.settings.thresholds.beyond(&last.wrench_covariance).activation[axis];
+            let force = last.wrench[axis];
             return Err(EnableRefused::InContact { axis, force, activation });
         }
         let was_enabled = self.is_enabled();
@@ -159,11 +160,12 @@ impl<const D: usize> Supervisor<D> {
             return Err(ResetRefused::ReferenceInward { speed });
         }
         let thresholds = &self.settings.thresholds;
-        let is_above =
-            |axis: &usize| thresholds.admittance[*axis] && last.wrench[*axis].abs() >= thresholds.release[*axis];
+        // An arm at rest in the air may feel what its wrench is off by.
+        let least = |axis: usize| thresholds.release[axis].max(band(&last.wrench_covariance, axis));
+        let is_above = |axis: &usize| thresholds.admittance[*axis] && last.wrench[*axis].abs() >= least(*axis);
         match (0..D).find(is_above) {
             Some(axis) => {
-                let (force, release) = (last.wrench[axis], thresholds.release[axis]);
+                let (force, release) = (last.wrench[axis], least(axis));
                 Err(ResetRefused::ForceAboveRelease { axis, force, release })
             }
             None => Ok(()),

@@ -1,8 +1,9 @@
 //! What a wrench from motor torques wants of the other sections.
 
 use admittance_host::config::ConfigError;
+use admittance_host::robot_description::KindName;
 
-use super::{Config, GivenInName, GivenSignName, WrenchSourceName};
+use super::{Config, ContactPointName, GivenInName, GivenSignName, LawName, WrenchSourceName};
 
 /// Checks that the observer has its masses and q̇ as it is, and that nothing is told of a
 /// wrench that is not looked at.
@@ -21,6 +22,23 @@ pub(super) fn check_motor_torque(config: &Config, errors: &mut Vec<ConfigError>)
             wants("dynamics.joint", format!("{} tables", dynamics.joint.len()), &accepted);
         }
         Some(_) => {}
+    }
+    if config.robot.joint.iter().any(|joint| joint.kind == KindName::Prismatic) {
+        wants("robot.joint.kind", "\"prismatic\"".to_owned(), "\"revolute\": friction is told for joints that turn");
+    }
+    if config.robot.controlled_axes.is_some() {
+        // What presses on an axis that is not controlled loads the joints as well.
+        wants("robot.controlled_axes", "given".to_owned(), "no such key, all axes");
+    }
+    if config.control.law == LawName::Damping {
+        // It follows f̂ in the air too, where f̂ is what friction and masses are off by.
+        wants("control.law", "\"damping\"".to_owned(), "\"mpc\"");
+    }
+    if config.environment.contact == ContactPointName::Detected {
+        wants("environment.contact", "\"detected\"".to_owned(), "\"configured\": what is lasting is no noise");
+    }
+    if let Some(range) = config.environment.stiffness_range_n_m.filter(|range| range[0] < range[1]) {
+        wants("environment.stiffness_range_n_m", format!("{range:?}"), "a range of length zero, or no such key");
     }
     if config.robot.report_lag_s() > 0.0 {
         wants("robot.velocity_loop.report_lag_s", format!("{}", config.robot.report_lag_s()), "0");
@@ -79,6 +97,12 @@ mod tests {
         wants(error(6, ("sign = \"on_environment\"", "sign = \"reaction\"")), &["wrench.sign", "on_environment"]);
         let tool = ("tool_mass_kg = 0.0", "tool_mass_kg = 1.0");
         wants(error(6, tool), &["wrench.tool_mass_kg", "belongs to the last link"]);
+        let slides = ("[[robot.joint]]\n", "[[robot.joint]]\nkind = \"prismatic\"\n");
+        wants(error(6, slides), &["robot.joint.kind", "joints that turn"]);
+        let axes = ("[robot]\n", "[robot]\ncontrolled_axes = [\"z\"]\n");
+        wants(error(6, axes), &["robot.controlled_axes", "all axes"]);
+        let range = ("[environment]\n", "[environment]\nstiffness_range_n_m = [1e4, 5e5]\n");
+        wants(error(6, range), &["environment.stiffness_range_n_m", "length zero"]);
         // Without it nobody asks.
         assert_eq!(error(0, ("source = \"motor_torque\"", "source = \"sample\"")), "");
     }

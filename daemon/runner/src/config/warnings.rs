@@ -4,8 +4,8 @@ use admittance_core::belief::{NOISE_DEVIATIONS, NoiseWindow};
 use admittance_core::quantities::{AXIS_NAMES, Span, is_linear, wrench_unit};
 use admittance_host::config::short;
 
-use super::Config;
 use super::plausibility::{MOST_FORCE_N_M, contact_distance_m, reach_m};
+use super::{Config, WrenchSourceName};
 
 /// What a solve takes on a fast machine, in s: no answer is in time below it.
 const FASTEST_ANSWER_S: f64 = 50e-6;
@@ -18,11 +18,23 @@ impl Config {
             self.unknown_surface_without_noise(),
             self.unknown_surface_without_mpc(),
             self.lag_tolerance_without_mpc(),
+            self.dynamics_without_observer(),
             self.distance(),
             self.budget(),
             self.forces(),
         ]
         .concat()
+    }
+
+    fn dynamics_without_observer(&self) -> Vec<String> {
+        if self.dynamics.is_none() || self.wrench.source == WrenchSourceName::MotorTorque {
+            return Vec::new();
+        }
+        vec![
+            "[dynamics] is not looked at: the wrench comes from the samples; give wrench.source = \"motor_torque\", or leave it \
+             out"
+            .to_owned(),
+        ]
     }
 
     fn noise(&self) -> Vec<String> {

@@ -8,7 +8,7 @@ use super::{MomentumObserver, TorqueModel, unseen};
 use crate::common::golden_chain::GoldenChain;
 use crate::intake::{Conditioning, Event, Intake, Sample, SampleFault, Settings, Timing, WrenchSource};
 use crate::quantities::{GivenWrench, Instant, Span};
-use crate::robot::{ArmDynamics, Chain, JointFriction, LinkInertia, Posture};
+use crate::robot::{ArmDynamics, Chain, JointFriction, LinkInertia, Posture, TaskAxes};
 
 /// Relative to the largest entry of an answer.
 const AGREEMENT: f64 = 1e-8;
@@ -218,7 +218,10 @@ fn where_the_arm_is_stretched_it_says_which_force_it_does_not_see() {
         let sample = sample(0.0, q, [0.0; 6], torque);
         let posture = Posture::<6, 6>::new(&settings.chain, &sample.joint_position);
         let observer = MomentumObserver::followed(None, &model, &settings, &sample, &posture);
-        (observer.map(|observer| observer.estimate().covariance.diagonal().map(f64::sqrt)), unseen(&posture))
+        (
+            observer.map(|observer| observer.estimate().covariance.diagonal().map(f64::sqrt)),
+            unseen(TaskAxes::ALL, &posture),
+        )
     };
     let (bent, _) = deviation(1.0);
     let (straighter, worst) = deviation(0.02);
@@ -252,4 +255,19 @@ fn a_sample_without_usable_torques_is_no_sample() {
     assert!(matches!(unseen, SampleFault::WrenchUnseen { deviation, .. } if deviation > 5.0), "{unseen:?}");
     assert!(unseen.to_string().starts_with("the torques do not show the wrench on axis "), "{unseen}");
     assert_eq!(unseen.name().name(), "WrenchInvalid");
+}
+
+#[test]
+fn torques_that_show_too_little_are_followed_all_the_same() {
+    let golden = golden();
+    let settings = Settings { largest_deviation: Vector6::repeat(1e-3), ..golden.settings() };
+    let torque = golden.model().dynamics.at(&[0.3, 1.2, -1.8, 2.2, 1.57, 0.3].into()).gravity_torque();
+    let mut intake = Intake::new(settings);
+    for cycle in 0..20_u32 {
+        let at_rest = sample(0.001 * f64::from(cycle), [0.3, 1.2, -1.8, 2.2, 1.57, 0.3], [0.0; 6], torque);
+        let sample = Sample { sequence: u64::from(cycle) + 1, ..at_rest };
+        assert!(matches!(intake.take(Event::Sample(&sample), sample.stamp), Err(SampleFault::WrenchUnseen { .. })));
+        let stamp = intake.observer.as_ref().map(|observer| observer.stamp);
+        assert_eq!(stamp, Some(sample.stamp), "cycle {cycle}");
+    }
 }
