@@ -40,6 +40,14 @@ typedef struct admittance_client admittance_client;
  */
 typedef struct admittance_options {
   /*
+   ADMITTANCE_CLIENT_ABI_VERSION, as it was when the program was built.
+   */
+  uint32_t abi_version;
+  /*
+   Joints, 1 to 8.
+   */
+  uint32_t joint_count;
+  /*
    `ipc.root_path` of the daemon: an absolute path, such as "/run/admittanced".
    */
   const char *root_path;
@@ -72,14 +80,6 @@ typedef struct admittance_options {
    The same for each joint of its joint-space image, rad/s. Above 0; INFINITY for none.
    */
   double joint_velocity_offset_limit[ADMITTANCED_MAX_JOINTS];
-  /*
-   Joints, 1 to 8.
-   */
-  uint32_t joint_count;
-  /*
-   ADMITTANCE_CLIENT_ABI_VERSION, as it was when the program was built.
-   */
-  uint32_t abi_version;
 } admittance_options;
 
 /*
@@ -173,7 +173,7 @@ void admittance_client_close(struct admittance_client *client);
 /*
  A cycle begins whose state was measured at `stamp_ns` of CLOCK_MONOTONIC. Fills in who the sample is from (sequence,
  stamp, boot, joints, the command in force; plays_plan = 1) and sets the rest to 0: positions, velocities, references,
- wrench, wrench_valid and drives_enabled are the caller's to set.
+ wrench, wrench_valid, joint_torque, torque_valid and drives_enabled are the caller's to set.
 
  # Safety
  `client` is a handle that no other thread uses; `sample` points to room for a sample.

@@ -101,7 +101,8 @@ mod tests {
         wants(error(6, slides), &["robot.joint.kind", "joints that turn"]);
         let axes = ("[robot]\n", "[robot]\ncontrolled_axes = [\"z\"]\n");
         wants(error(6, axes), &["robot.controlled_axes", "all axes"]);
-        let range = ("[environment]\n", "[environment]\nstiffness_range_n_m = [1e4, 5e5]\n");
+        let range =
+            ("[environment]\n", "[environment]\nstiffness_range_n_m = [1e4, 5e5]\ncontact_tolerance_m = 0.001\n");
         wants(error(6, range), &["environment.stiffness_range_n_m", "length zero"]);
         // Without it nobody asks.
         assert_eq!(error(0, ("source = \"motor_torque\"", "source = \"sample\"")), "");
