@@ -49,12 +49,8 @@ fn differences<const N: usize>(scenario: &Scenario, arm: &Value) -> [f64; 3] {
     let chain = scenario.robot.chain::<N>().expect("so many joints");
     let bodies = &scenario.rigid_body.as_ref().expect("import gives masses").joint;
     let links: [LinkInertia; N] = std::array::from_fn(|joint| {
-        let [xx, yy, zz, xy, xz, yz] = bodies[joint].inertia_kg_m2;
-        LinkInertia {
-            mass: bodies[joint].mass_kg,
-            center_of_gravity: bodies[joint].center_of_gravity_m.into(),
-            inertia: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-        }
+        let body = &bodies[joint];
+        LinkInertia::of_elements(body.mass_kg, body.center_of_gravity_m, body.inertia_kg_m2)
     });
     let dynamics = ArmDynamics::new(chain, links, SVector::zeros(), vector(&arm["gravity"])).expect("bodies");
     let poses = arm["poses"].as_array().expect("a list");

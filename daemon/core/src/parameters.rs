@@ -84,7 +84,8 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             wrench_time_constant: self.wrench_time_constant,
             joint_speed: self.limits.joint_speed,
             source: self.wrench_source,
-            // A limit is kept by a force that is known to three deviations.
+            // A force that may be off by more than its limit says nothing of it. The limit is kept by f̂ as it
+            // is: what it may be off by is not taken from the limit.
             largest_deviation: SVector::from_fn(|axis, _| match self.thresholds.admittance[axis] {
                 true => self.mpc.force_limit[axis] / 3.0,
                 false => f64::INFINITY,

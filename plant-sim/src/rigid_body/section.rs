@@ -3,7 +3,7 @@
 use admittance_core::robot::{Chain, DynamicsError, LinkInertia};
 use admittance_host::config::ConfigError;
 use admittance_host::config_section;
-use nalgebra::{Matrix3, SVector};
+use nalgebra::SVector;
 
 use super::{DriveParameters, Friction, Gear, JointParameters, RigidBody};
 
@@ -87,19 +87,14 @@ fn bodies_are_physical(arm: &RigidBodySection, path: &str, errors: &mut Vec<Conf
         errors.push(ConfigError::new(
             format!("{path}.joint[{index}].inertia_kg_m2"),
             format!("{:?}", joint.inertia_kg_m2),
-            "the tensor of a body: principal moments above zero, none above the sum of the others",
+            LinkInertia::ACCEPTED,
         ));
     }
 }
 
 impl RigidJointSection {
     fn link(&self) -> LinkInertia {
-        let [xx, yy, zz, xy, xz, yz] = self.inertia_kg_m2;
-        LinkInertia {
-            mass: self.mass_kg,
-            center_of_gravity: self.center_of_gravity_m.into(),
-            inertia: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-        }
+        LinkInertia::of_elements(self.mass_kg, self.center_of_gravity_m, self.inertia_kg_m2)
     }
 
     fn parameters(&self) -> JointParameters {

@@ -71,21 +71,14 @@ impl Detection {
         self.uncertainty
     }
 
-    /// Takes in a sample. In contact, moves the contact point of `surface` along its normal to
-    /// where the samples say it is, as long as they reach back to before the contact was noticed.
-    /// `joint_velocity` is q̇ at the sample as it is believed to be, in rad/s; `way` the way since the
-    /// sample before, where it is known better than by its ends; `lag` is T_est in s, `noise` the
-    /// standard deviation of f̂ in N.
-    #[expect(clippy::too_many_arguments, reason = "one sample, seen by one caller")]
-    pub(super) fn update<const N: usize, const D: usize>(
+    /// Takes in a sample. `joint_velocity` is q̇ at it as it is believed to be, in rad/s or m/s; `way` the
+    /// way since the sample before, where it is known better than by its ends.
+    pub(super) fn observe<const N: usize, const D: usize>(
         &mut self,
-        surface: &mut Surface<D>,
+        surface: &Surface<D>,
         sample: &Accepted<N, D>,
         joint_velocity: &SVector<f64, N>,
         way: Option<&Way>,
-        in_contact: bool,
-        lag: f64,
-        noise: f64,
     ) {
         let posture = &sample.posture;
         let seen = Observation {
@@ -96,16 +89,23 @@ impl Detection {
             parts: [0.0; PARTS],
         };
         self.push(seen, way);
+    }
+
+    /// In contact, moves the contact point of `surface` along its normal to where the samples say it is,
+    /// as long as they reach back to before the contact was noticed. `lag` is T_est in s, `noise` the
+    /// standard deviation of f̂ in N.
+    pub(super) fn locate<const D: usize>(&mut self, surface: &mut Surface<D>, in_contact: bool, lag: f64, noise: f64) {
         if !in_contact {
             self.noticed = None;
             return;
         }
-        let oldest = sample.stamp - Span::from_seconds(LAGS * lag);
+        let Some(Observation { stamp: now, .. }) = self.observations[..self.len].last().copied() else { return };
+        let oldest = now - Span::from_seconds(LAGS * lag);
         let observations = &self.observations[..self.len];
         let first = observations.iter().position(|seen| seen.stamp >= oldest).unwrap_or(0);
         // One cycle at least.
         let window = &observations[first.min(self.len.saturating_sub(2))..];
-        let noticed = *self.noticed.get_or_insert(sample.stamp);
+        let noticed = *self.noticed.get_or_insert(now);
         let reaches_back = window.len() > 1 && window[0].stamp < noticed;
         if !reaches_back {
             return;

@@ -212,13 +212,13 @@ impl<const D: usize> Belief<D> {
         let contact_point = *contact_point;
         let by_surface = (*sign == ContactSign::Normal).then_some(&self.signs);
         let was_in_contact = self.contact.is_any();
-        self.contact =
-            self.contact.update(&thresholds.beyond(&sample.wrench_covariance), felt, by_surface, &sample.wrench);
+        self.contact = self.contact.update(thresholds, felt, by_surface, &sample.wrench);
         let lag = self.lag();
         if let ContactPoint::Detected { wrench_noise } = contact_point {
             let in_contact = self.contact.is_any();
-            self.detection.update(&mut self.surface, sample, joint_velocity, way, in_contact, lag, wrench_noise);
-            if self.contact.is_any() && !was_in_contact {
+            self.detection.observe(&self.surface, sample, joint_velocity, way);
+            self.detection.locate(&mut self.surface, in_contact, lag, wrench_noise);
+            if in_contact && !was_in_contact {
                 // What was expected of the last sample was of a surface that was not known yet.
                 self.expected.spring = self.detection.spring_before(&self.surface).max(0.0);
             }

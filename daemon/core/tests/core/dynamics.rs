@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use proptest::prelude::*;
 use serde::Deserialize;
 
-use crate::common::golden_chain::GoldenChain;
+use crate::common::golden_arm::GoldenArm;
 
 /// Relative to the largest entry of an answer.
 const AGREEMENT: f64 = 1e-9;
@@ -20,18 +20,8 @@ struct Golden {
 struct Arm {
     name: String,
     #[serde(flatten)]
-    chain: GoldenChain,
-    links: Vec<LinkData>,
-    reflected: Vec<f64>,
-    gravity: [f64; 3],
+    arm: GoldenArm,
     cases: Vec<Case>,
-}
-
-#[derive(Deserialize)]
-struct LinkData {
-    mass: f64,
-    center_of_gravity: [f64; 3],
-    inertia: [[f64; 3]; 3],
 }
 
 #[derive(Deserialize)]
@@ -66,23 +56,9 @@ struct Answers {
 fn golden<const N: usize>() -> (Arm, ArmDynamics<N>) {
     let golden: Golden = serde_json::from_str(include_str!("../golden/dynamics.json"))
         .expect("the golden file is what its script wrote");
-    let arm =
-        golden.arms.into_iter().find(|arm| arm.chain.joints.len() == N).expect("one arm for each number of joints");
-    let dynamics = dynamics(&arm);
+    let arm = golden.arms.into_iter().find(|arm| arm.arm.joints() == N).expect("one arm for each number of joints");
+    let dynamics = arm.arm.dynamics();
     (arm, dynamics)
-}
-
-fn dynamics<const N: usize>(arm: &Arm) -> ArmDynamics<N> {
-    let links = std::array::from_fn(|index| {
-        let link = &arm.links[index];
-        LinkInertia {
-            mass: link.mass,
-            center_of_gravity: link.center_of_gravity.into(),
-            inertia: Matrix3::from_fn(|row, column| link.inertia[row][column]),
-        }
-    });
-    ArmDynamics::new(arm.chain.chain(), links, vector(&arm.reflected), arm.gravity.into())
-        .expect("the golden arm has masses")
 }
 
 fn vector<const N: usize>(values: &[f64]) -> SVector<f64, N> {
@@ -172,15 +148,15 @@ fn forward_inverts_inverse_and_the_mass_matrix_is_one() {
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     let (arm, dynamics) = golden::<6>();
     runner
-        .run(&draws::<6>(), |draw| check_identities(&dynamics, &arm.chain.chain(), &draw))
+        .run(&draws::<6>(), |draw| check_identities(&dynamics, &arm.arm.chain(), &draw))
         .unwrap_or_else(|failure| panic!("six joints: {failure}"));
     let (arm, dynamics) = golden::<7>();
     runner
-        .run(&draws::<7>(), |draw| check_identities(&dynamics, &arm.chain.chain(), &draw))
+        .run(&draws::<7>(), |draw| check_identities(&dynamics, &arm.arm.chain(), &draw))
         .unwrap_or_else(|failure| panic!("seven joints: {failure}"));
     let (arm, dynamics) = golden::<4>();
     runner
-        .run(&draws::<4>(), |draw| check_identities(&dynamics, &arm.chain.chain(), &draw))
+        .run(&draws::<4>(), |draw| check_identities(&dynamics, &arm.arm.chain(), &draw))
         .unwrap_or_else(|failure| panic!("four joints, one of them prismatic: {failure}"));
 }
 
@@ -229,7 +205,7 @@ fn energy_is_kept_without_friction_and_drives() {
 #[test]
 fn what_no_body_has_is_refused() {
     let (arm, _) = golden::<2>();
-    let chain = arm.chain.chain::<2>();
+    let chain = arm.arm.chain::<2>();
     let good = LinkInertia {
         mass: 2.0,
         center_of_gravity: Vector3::new(0.1, 0.0, 0.0),

@@ -4,7 +4,7 @@ use admittance_core::intake::TorqueModel;
 use admittance_core::robot::{ArmDynamics, Chain, JointFriction, LinkInertia};
 use admittance_host::config::ConfigError;
 use admittance_host::config_section;
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{SVector, Vector3};
 
 config_section! {
     /// A joint, with the link that it moves. Friction has no default: what nobody knows is told by
@@ -62,7 +62,7 @@ fn is_a_joint(joint: &JointDynamics, path: &str, errors: &mut Vec<ConfigError>) 
         errors.push(ConfigError::new(
             format!("{path}.inertia_kg_m2"),
             format!("{:?}", joint.inertia_kg_m2),
-            "the tensor of a body: principal moments above zero, none above the sum of the others",
+            LinkInertia::ACCEPTED,
         ));
     }
     if let Some(breakaway) = joint.breakaway_friction_n_m.filter(|breakaway| *breakaway < joint.coulomb_friction_n_m) {
@@ -73,12 +73,7 @@ fn is_a_joint(joint: &JointDynamics, path: &str, errors: &mut Vec<ConfigError>) 
 
 impl JointDynamics {
     fn link(&self) -> LinkInertia {
-        let [xx, yy, zz, xy, xz, yz] = self.inertia_kg_m2;
-        LinkInertia {
-            mass: self.mass_kg,
-            center_of_gravity: self.center_of_gravity_m.into(),
-            inertia: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-        }
+        LinkInertia::of_elements(self.mass_kg, self.center_of_gravity_m, self.inertia_kg_m2)
     }
 
     fn friction(&self, tolerance: f64) -> JointFriction {

@@ -1,39 +1,23 @@
 //! The observer against golden/momentum_observer.json, which shares no code with it, and against what
 //! its model (6) says.
 
-use nalgebra::{Matrix3, SVector, Vector6};
+use nalgebra::{SVector, Vector6};
 use serde::Deserialize;
 
 use super::{MomentumObserver, TorqueModel, unseen};
-use crate::common::golden_chain::GoldenChain;
+use crate::common::golden_arm::GoldenArm;
 use crate::intake::{Conditioning, Event, Intake, Sample, SampleFault, Settings, Timing, WrenchSource};
 use crate::quantities::{GivenWrench, Instant, Span};
-use crate::robot::{ArmDynamics, Chain, JointFriction, LinkInertia, Posture, TaskAxes};
+use crate::robot::{Chain, JointFriction, Posture, TaskAxes};
 
 /// Relative to the largest entry of an answer.
 const AGREEMENT: f64 = 1e-8;
 
 #[derive(Deserialize)]
 struct Golden {
-    arm: Arm,
+    arm: GoldenArm,
     told: Told,
     steps: Vec<Step>,
-}
-
-#[derive(Deserialize)]
-struct Arm {
-    #[serde(flatten)]
-    chain: GoldenChain,
-    links: Vec<LinkData>,
-    reflected: [f64; 6],
-    gravity: [f64; 3],
-}
-
-#[derive(Deserialize)]
-struct LinkData {
-    mass: f64,
-    center_of_gravity: [f64; 3],
-    inertia: [[f64; 3]; 3],
 }
 
 #[derive(Deserialize)]
@@ -85,17 +69,8 @@ fn golden() -> Golden {
 impl Golden {
     fn model(&self) -> TorqueModel<6> {
         let Told { friction, .. } = &self.told;
-        let links = std::array::from_fn(|index| {
-            let link = &self.arm.links[index];
-            LinkInertia {
-                mass: link.mass,
-                center_of_gravity: link.center_of_gravity.into(),
-                inertia: Matrix3::from_fn(|row, column| link.inertia[row][column]),
-            }
-        });
-        let dynamics = ArmDynamics::new(self.chain(), links, self.arm.reflected.into(), self.arm.gravity.into());
         TorqueModel {
-            dynamics: dynamics.expect("the golden arm has masses"),
+            dynamics: self.arm.dynamics(),
             friction: std::array::from_fn(|joint| JointFriction {
                 viscous: friction.viscous[joint],
                 coulomb: friction.coulomb[joint],
@@ -113,7 +88,7 @@ impl Golden {
     }
 
     fn chain(&self) -> Chain<6> {
-        self.arm.chain.chain()
+        self.arm.chain()
     }
 
     fn settings(&self) -> Settings<6, 6> {

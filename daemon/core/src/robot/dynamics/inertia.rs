@@ -16,6 +16,15 @@ pub struct LinkInertia {
 }
 
 impl LinkInertia {
+    /// What a tensor has to be, in words, for messages.
+    pub const ACCEPTED: &str = "the tensor of a body: principal moments above zero, none above the sum of the others";
+
+    /// With the elements xx yy zz xy xz yz of the tensor, kg m²: xy is −∫ x y dm, as in URDF.
+    pub fn of_elements(mass: f64, center_of_gravity: [f64; 3], [xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Self {
+        let inertia = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        Self { mass, center_of_gravity: center_of_gravity.into(), inertia }
+    }
+
     /// Whether a body can have it: mass and inertia above zero, and no principal moment larger than
     /// the other two together.
     pub fn is_physical(&self) -> bool {
@@ -33,8 +42,45 @@ impl LinkInertia {
 
     /// About the frame's origin: the parallel axis theorem.
     pub(super) fn spatial(&self) -> SpatialInertia {
-        let c = &self.center_of_gravity;
-        let steiner = (Matrix3::identity() * c.norm_squared() - c * c.transpose()) * self.mass;
-        SpatialInertia { mass: self.mass, first_moment: c * self.mass, rotational: self.inertia + steiner }
+        let (c, mass) = (&self.center_of_gravity, self.mass);
+        let [x, y, z] = [c.x, c.y, c.z];
+        // Written out: of c cᵀ as a product of matrices a build of rustc 1.95 made z² out of y z.
+        let [xy, xz, yz] = [-mass * x * y, -mass * x * z, -mass * y * z];
+        let steiner = Matrix3::new(
+            mass * (y * y + z * z),
+            xy,
+            xz,
+            xy,
+            mass * (x * x + z * z),
+            yz,
+            xz,
+            yz,
+            mass * (x * x + y * y),
+        );
+        SpatialInertia { mass, first_moment: c * mass, rotational: self.inertia + steiner }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn about_the_frame_s_origin_it_is_what_the_parallel_axis_theorem_says() {
+        // Each element written out by itself.
+        let (m, [x, y, z]) = (7.4, [0.227074, 0.077762, 0.119897]);
+        let [xx, yy, zz, xy, xz, yz] = [0.05, 0.1, 0.06, 0.01, 0.011, -0.012];
+        let found = LinkInertia::of_elements(m, [x, y, z], [xx, yy, zz, xy, xz, yz]).spatial();
+        let expected = [
+            [xx + m * (y * y + z * z), xy - m * x * y, xz - m * x * z],
+            [xy - m * x * y, yy + m * (x * x + z * z), yz - m * y * z],
+            [xz - m * x * z, yz - m * y * z, zz + m * (x * x + y * y)],
+        ];
+        for (row, values) in expected.iter().enumerate() {
+            for (column, value) in values.iter().enumerate() {
+                let element = found.rotational[(row, column)];
+                assert!((element - value).abs() < 1e-12, "[{row}][{column}]: {element}, not {value}");
+            }
+        }
     }
 }

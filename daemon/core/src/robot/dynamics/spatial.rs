@@ -122,8 +122,12 @@ impl Placement {
         let h = self.rotation * inertia.first_moment;
         let first_moment = h + p * mass;
         // − p× h× − (h + m p)× p×: with a× b× = b aᵀ − (a·b) 1.
-        let shift =
-            Matrix3::identity() * (p.dot(&h) + first_moment.dot(p)) - h * p.transpose() - p * first_moment.transpose();
+        // Written out, as the parallel axis theorem of a link is.
+        let trace = p.dot(&h) + first_moment.dot(p);
+        let shift = Matrix3::from_fn(|row, column| {
+            let diagonal = if row == column { trace } else { 0.0 };
+            diagonal - h[row] * p[column] - p[row] * first_moment[column]
+        });
         let turned = self.rotation * inertia.rotational * self.rotation.transpose();
         SpatialInertia { mass, first_moment, rotational: turned + shift }
     }

@@ -3,6 +3,7 @@
 mod planar {
     include!("../../../doc/planar_arm.rs");
 }
+pub(crate) mod golden_arm;
 pub(crate) mod golden_chain;
 pub(crate) mod problems;
 pub(crate) mod scripted;
