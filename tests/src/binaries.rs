@@ -38,9 +38,10 @@ fn build() -> Binaries {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut child = Command::new(cargo)
-        // All members, as for `cargo test`: features of a dependency are chosen for what is built
-        // together.
-        .args(["build", "--workspace", "--bins", "--lib", "--message-format=json-render-diagnostics"])
+        // All members and a test, as for `cargo test`: features of a dependency are chosen for what is
+        // built together, and other features are another build of everything.
+        .args(["build", "--workspace", "--bins", "--lib", "--test", "c_client"])
+        .arg("--message-format=json-render-diagnostics")
         .args(["--profile", profile(&test)])
         .current_dir(root)
         .stdin(Stdio::null())
