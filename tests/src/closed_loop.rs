@@ -301,6 +301,16 @@ impl Run {
         self.settled(|at| at.truth.normal_force_n)
     }
 
+    /// Largest less smallest true force along the normal over the last tenth of a second, N.
+    pub fn settled_swing(&self) -> f64 {
+        let end = self.instants.len() - 1;
+        let count = ((SETTLED_S / self.sampling_time) as usize).min(end);
+        let forces = self.instants[end - count..end].iter().map(|at| at.truth.normal_force_n);
+        let (least, most) =
+            forces.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), force| (least.min(force), most.max(force)));
+        most - least
+    }
+
     /// True speed along the surface over the commanded one, over the last tenth of a second.
     pub fn tangential_share(&self) -> f64 {
         let along = |twist: &[f64; 6]| {

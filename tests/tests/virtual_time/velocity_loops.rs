@@ -126,8 +126,8 @@ fn what_the_model_cannot_have_is_refused_by_name() {
 }
 
 /// Lags that nobody told, at half the speed that the verdict accepts with the model as told: no force
-/// beyond its limit and no loss. Loops of second order are not there yet: their overshoot goes
-/// through the bound at which the plan comes to rest.
+/// beyond its limit, no limit cycle, and no loss. Loops of second order bounce once at the impact. Slow
+/// ones are over the limit at 1 ms besides, unless the arm is said to follow late.
 #[test]
 fn at_half_speed_a_lag_that_is_not_told_keeps_the_limit() {
     let late = |by: f64| move |experiment: &mut Experiment| experiment.scenario.timing.command_delay_s += by;
@@ -138,26 +138,41 @@ fn at_half_speed_a_lag_that_is_not_told_keeps_the_limit() {
         let loops = VelocityLoopDescription { damping: Some(vec![0.5, 0.5]), ..plain() };
         experiment.scenario.robot.velocity_loop = Some(loops);
     };
-    for (name, sampling_time, change, most, is_kept) in [
-        ("4 ms more delay", 0.004, &late(0.004) as &dyn Fn(&mut Experiment), 200.0, true),
-        ("2 ms more delay", 0.001, &late(0.002), 200.0, true),
-        ("loops x 0.5", 0.004, &fast, 200.0, true),
-        ("loops x 0.5", 0.001, &fast, 200.0, true),
-        ("second order, damping 0.5", 0.004, &second_order, 205.0, false),
-        ("second order, damping 0.5", 0.001, &second_order, 225.0, false),
+    let both = |experiment: &mut Experiment| {
+        fast(experiment);
+        second_order(experiment);
+    };
+    // Tolerance in s, largest force in N, bounces of a contact, and whether it may be stopped.
+    for (name, sampling_time, change, (tolerance, most, bounces, may_stop)) in [
+        ("4 ms more delay", 0.004, &late(0.004) as &dyn Fn(&mut Experiment), (0.0, 200.0, 0, false)),
+        ("2 ms more delay", 0.001, &late(0.002), (0.0, 200.0, 0, false)),
+        ("loops x 0.5", 0.004, &fast, (0.0, 200.0, 0, false)),
+        ("loops x 0.5", 0.001, &fast, (0.0, 200.0, 0, false)),
+        ("second order, damping 0.5", 0.004, &second_order, (0.0, 200.0, 2, false)),
+        ("second order, damping 0.5", 0.001, &second_order, (0.0, 225.0, 1, true)),
+        ("second order, damping 0.5", 0.004, &second_order, (0.005, 200.0, 2, false)),
+        ("second order, damping 0.5", 0.001, &second_order, (0.005, 200.0, 1, false)),
+        ("second order, damping 0.5, and x 0.5", 0.004, &both, (0.0, 200.0, 1, false)),
+        ("second order, damping 0.5, and x 0.5", 0.001, &both, (0.0, 200.0, 1, false)),
     ] {
         let mut experiment = Experiment::paper(sampling_time, if sampling_time > 0.002 { 0.16 } else { 0.32 });
+        experiment.config.control.lag_tolerance_s = tolerance;
         change(&mut experiment);
-        let (mut peak, mut losses, mut stops) = (0.0f64, 0, 0);
+        let (mut peak, mut losses, mut stops, mut swing) = (0.0f64, 0, 0, 0.0f64);
         experiment.at_instants(16, |share, run: &Run| {
             let real = run.peak(0).max(run.peak(1));
             let is_said = run.stop_reason().is_some() || run.infeasible() > 0 || run.counters.exceeded > 0;
             assert!(real <= MOST || is_said, "{name} at {sampling_time} s, contact at {share}: {real} N in silence");
             peak = peak.max(real);
-            losses += run.losses();
+            losses = losses.max(run.losses());
             stops += usize::from(run.stop_reason().is_some());
+            swing = swing.max(run.settled_swing());
         });
-        println!("{name}, {sampling_time} s: at most {peak:.1} N, {losses} losses, {stops} stops of 16");
-        assert!(peak <= most && (!is_kept || losses == 0 && stops == 0), "{name}, {sampling_time} s");
+        println!(
+            "{name}, {sampling_time} s, tolerance {tolerance} s: at most {peak:.1} N and {losses} bounces, {stops} stops \
+             of 16; {swing:.2} N from crest to trough at the end"
+        );
+        assert!(peak <= most && losses <= bounces && (may_stop || stops == 0), "{name}, {sampling_time} s");
+        assert!(swing < 1.0, "{name}, {sampling_time} s: {swing} N");
     }
 }
