@@ -40,10 +40,10 @@ const ACCEPTED_SAMPLING_TIME_S: (f64, f64) = (0.0001, 0.1);
     admittancectl limits deploy/demo/mpc-default.toml --ignorance\n  \
     admittancectl limits deploy/robots/six-joint.toml --joints 0.3,1.2,-1.8,2.2,1.57,0.3 --sampling-time-s 0.004,0.001\n\n\
     Safe: at every instant of contact within a cycle that was tried, the true force stays within the force limit + 0.5 N on \
-    every admittance axis, the contact is not lost, and the controller neither stops nor refuses a sample. The simulated \
-    robot is exactly what the configuration says. The recommended speed is that of 100 random worlds as a careful \
-    commissioning leaves them open: stiffness x 0.5 to 2, normal +- 1 degree, speed loops +- 25 % and half of them of second \
-    order, lags, delays, friction, damping, noise.")]
+    every admittance axis, the contact is not lost (with control.lag_tolerance_s but for a bounce at the impact), and the \
+    controller neither stops nor refuses a sample. The simulated robot is exactly what the configuration says. The \
+    recommended speed is that of 100 random worlds as a careful commissioning leaves them open: stiffness x 0.5 to 2, normal \
+    +- 1 degree, speed loops +- 25 % and half of them of second order, lags, delays, friction, damping, noise.")]
 pub(crate) struct Args {
     /// Configuration of the daemon.
     #[arg(value_name = "CONFIG")]

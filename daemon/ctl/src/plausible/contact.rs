@@ -45,6 +45,26 @@ impl Contact {
     }
 }
 
+/// Losses of contact, those in the first impact apart.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Losses {
+    touched_s: Option<f64>,
+    seen: u32,
+}
+
+impl Losses {
+    /// Times that contact ended since the truth seen last, and whether the first impact was over then.
+    pub(crate) fn see(&mut self, truth: &TruthSample) -> (u32, bool) {
+        if truth.in_contact == 1 {
+            self.touched_s.get_or_insert(truth.scenario_time_s);
+        }
+        let is_late = self.touched_s.is_some_and(|touched| truth.scenario_time_s > touched + IMPACT_S);
+        let new = truth.contact_losses - self.seen;
+        self.seen = truth.contact_losses;
+        (new, is_late)
+    }
+}
+
 /// The largest force over its limit, and whether that is more than the tolerance.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Peak {
@@ -71,27 +91,24 @@ impl Peak {
 pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
     let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
-    let (mut peak, mut touched_s, mut losses, mut late_losses) = (Peak::default(), None, 0, 0);
+    let (mut peak, mut losses, mut late_losses) = (Peak::default(), Losses::default(), 0);
     let (mut stop_reason, mut is_infeasible, mut is_at_risk) = (None, false, false);
     let mut has_fault = false;
     while let Some(Step { command, truth, report, .. }) = run.step()? {
         has_fault |= report.fault.is_some();
         peak.see(config, &truth);
-        if truth.in_contact == 1 {
-            touched_s.get_or_insert(truth.scenario_time_s);
+        if let (new, true) = losses.see(&truth)
+            && stop_reason.is_none()
+        {
+            late_losses += new;
         }
-        let is_late = touched_s.is_some_and(|touched| truth.scenario_time_s > touched + IMPACT_S);
-        if is_late && stop_reason.is_none() {
-            late_losses += truth.contact_losses - losses;
-        }
-        losses = truth.contact_losses;
         is_infeasible |= command.verdict == Verdict::Infeasible.code();
         is_at_risk |= command.verdict == Verdict::AtRisk.code();
         if command.stop_reason != StopReason::NONE && stop_reason.is_none() {
             stop_reason = StopReason::from_code(command.stop_reason);
         }
     }
-    let is_complete = touched_s.is_some() && !has_fault;
+    let is_complete = losses.touched_s.is_some() && !has_fault;
     let Peak { ratio: peak_ratio, is_over } = peak;
     let counted = run.cycle.counters().exceeded;
     Ok(Contact { peak_ratio, is_over, late_losses, stop_reason, is_infeasible, is_at_risk, counted, is_complete })

@@ -4,6 +4,7 @@
 mod contact;
 mod world;
 
+pub(crate) use contact::Losses;
 pub use contact::{Contact, Peak, outward, press};
 pub(crate) use world::NOISE_N;
 pub use world::{Cause, World};
