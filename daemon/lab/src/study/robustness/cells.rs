@@ -52,13 +52,12 @@ fn with_a_tool(wrench: &WrenchSection, planar: bool) -> WrenchSection {
     }
 }
 
-/// The cells, or the one with a name, each with the highest speed that is safe with the model as
-/// told.
+/// The cells with these names, each with the highest speed that is safe with the model as told.
 ///
 /// # Errors
 /// A shipped file that cannot be simulated.
-pub(super) fn all(only: Option<&str>, threads: usize) -> Result<Vec<(&'static str, Cell)>, String> {
-    let wanted: Vec<usize> = (0..NAMES.len()).filter(|&index| only.is_none_or(|name| name == NAMES[index])).collect();
+pub(super) fn with_speeds(names: &[&str], threads: usize) -> Result<Vec<(&'static str, Cell)>, String> {
+    let wanted: Vec<usize> = (0..NAMES.len()).filter(|&index| names.contains(&NAMES[index])).collect();
     parallel::map(wanted.len() as u64, threads, "cells", |index| {
         let index = wanted[index as usize];
         let (config, scenario, sampling_time_s) = files(index);

@@ -7,7 +7,7 @@ use comfy_table::Table;
 use serde::Serialize;
 
 use super::super::statistics::Distribution;
-use super::{Run, SPEEDS};
+use super::{Run, SPEEDS, Told};
 
 /// Runs to look at, at most.
 const MOST_EXAMPLES: usize = 10;
@@ -97,9 +97,8 @@ pub(super) struct Figures {
 }
 
 /// What shows a run again.
-fn command(seed: u64, cell: Option<&str>, index: u64) -> String {
-    let cell = cell.map(|cell| format!(" --cell \"{cell}\"")).unwrap_or_default();
-    format!("admittance-lab study robustness --seed {seed}{cell} --index {index}")
+fn command(seed: u64, told: &Told, index: u64) -> String {
+    format!("admittance-lab study robustness --seed {seed}{told} --index {index}")
 }
 
 fn by_speed<'a>(runs: impl Iterator<Item = &'a Run> + Clone) -> Vec<Speed> {
@@ -108,8 +107,8 @@ fn by_speed<'a>(runs: impl Iterator<Item = &'a Run> + Clone) -> Vec<Speed> {
 }
 
 impl Figures {
-    /// `cell`: the only one that was asked for, on which the numbers of the runs depend.
-    pub(super) fn of(seed: u64, cell: Option<&str>, cells: &[(&'static str, Cell)], runs: &[Run]) -> Self {
+    /// `told`: what was asked for, on which the runs depend.
+    pub(super) fn of(seed: u64, told: &Told, cells: &[(&'static str, Cell)], runs: &[Run]) -> Self {
         let over = runs.iter().filter(|run| run.contact.is_over);
         let excess = over.map(|run| run.contact.peak_ratio / run.outward.ratio.max(1.0)).collect();
         let mut by_cause: BTreeMap<Cause, OfCause> = Cause::ALL.map(|cause| (cause, OfCause::default())).into();
@@ -134,11 +133,11 @@ impl Figures {
                 .collect(),
             bad: bad().count(),
             by_cause,
-            examples: bad().take(MOST_EXAMPLES).map(|run| command(seed, cell, run.index)).collect(),
+            examples: bad().take(MOST_EXAMPLES).map(|run| command(seed, told, run.index)).collect(),
             silent_runs: runs
                 .iter()
                 .filter(|run| run.contact.is_silent())
-                .map(|run| command(seed, cell, run.index))
+                .map(|run| command(seed, told, run.index))
                 .collect(),
         }
     }

@@ -4,9 +4,9 @@
 mod cells;
 mod figures;
 
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 
-use admittancectl::plausible::{self, Cause, Cell, Contact, Peak, World};
+use admittancectl::plausible::{self, Cause, Cell, Contact, Peak};
 use admittancectl::{Exit, offline, parallel};
 use figures::Figures;
 
@@ -21,6 +21,18 @@ pub(crate) struct Args {
     /// Seed of the random worlds.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    told: Told,
+    /// Only this run, and all about it.
+    #[arg(long)]
+    index: Option<u64>,
+    #[command(flatten)]
+    options: offline::Options,
+}
+
+/// Which cells, and what their controllers are told.
+#[derive(Debug, Clone, Default, PartialEq, clap::Args)]
+struct Told {
     /// Only this cell; all of them when absent.
     #[arg(long, value_parser = cells::NAMES)]
     cell: Option<String>,
@@ -30,11 +42,41 @@ pub(crate) struct Args {
     /// Tell the controller that the arm may follow so many seconds later than it was told.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = lag_tolerance)]
     lag_tolerance: f64,
-    /// Only this run, and all about it.
-    #[arg(long)]
-    index: Option<u64>,
-    #[command(flatten)]
-    options: offline::Options,
+}
+
+impl Told {
+    /// The names of the cells, which take turns.
+    fn names(&self) -> Vec<&'static str> {
+        cells::NAMES.into_iter().filter(|name| self.cell.as_deref().is_none_or(|only| only == *name)).collect()
+    }
+
+    /// The cells with these names.
+    ///
+    /// # Errors
+    /// As [`cells::with_speeds`].
+    fn cells(&self, names: &[&str], threads: usize) -> Result<Vec<(&'static str, Cell)>, String> {
+        let told = |cell: Cell| match self.stiffness_within {
+            Some(within) => cell.knowing_a_range(within).allowing_lag(self.lag_tolerance),
+            None => cell.allowing_lag(self.lag_tolerance),
+        };
+        Ok(cells::with_speeds(names, threads)?.into_iter().map(|(name, cell)| (name, told(cell))).collect())
+    }
+}
+
+/// The options that say it again.
+impl fmt::Display for Told {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(cell) = &self.cell {
+            write!(f, " --cell \"{cell}\"")?;
+        }
+        if let Some(within) = self.stiffness_within {
+            write!(f, " --stiffness-within {within}")?;
+        }
+        if self.lag_tolerance != 0.0 {
+            write!(f, " --lag-tolerance {}", self.lag_tolerance)?;
+        }
+        Ok(())
+    }
 }
 
 fn within(text: &str) -> Result<f64, String> {
@@ -84,32 +126,32 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         return Err((Exit::Usage, "--figure: accepted by `study verdict` alone".to_owned()));
     }
     let internal = |why| (Exit::Internal, why);
-    let mut cells = cells::all(args.cell.as_deref(), threads).map_err(internal)?;
-    if let Some(within) = args.stiffness_within {
-        cells = cells.into_iter().map(|(name, cell)| (name, cell.knowing_a_range(within))).collect();
-    }
-    cells = cells.into_iter().map(|(name, cell)| (name, cell.allowing_lag(args.lag_tolerance))).collect();
+    let names = args.told.names();
     if let Some(index) = args.index {
-        print!("{}", describe(&cells, args.seed, index).map_err(internal)?);
+        let (turn, speed) = place(names.len(), index);
+        let cells = args.told.cells(&names[turn..=turn], threads).map_err(internal)?;
+        print!("{}", describe(&cells[0], speed, args.seed, index).map_err(internal)?);
         return Ok(Exit::Ok);
     }
-    let runs =
-        parallel::map(args.runs, threads, "contacts", |index| one(&cells, args.seed, index)).map_err(internal)?;
-    let figures = Figures::of(args.seed, args.cell.as_deref(), &cells, &runs);
+    let cells = args.told.cells(&names, threads).map_err(internal)?;
+    let of_run = |index| {
+        let (turn, speed) = place(cells.len(), index);
+        one(&cells[turn], speed, args.seed, index)
+    };
+    let runs = parallel::map(args.runs, threads, "contacts", of_run).map_err(internal)?;
+    let figures = Figures::of(args.seed, &args.told, &cells, &runs);
     options.print(&figures, || figures.table())?;
     Ok(Exit::Ok)
 }
 
-/// The cell, the part of its speed, and the world of a run: cells take turns, and so do speeds.
-fn draw<'a>(cells: &'a [(&'static str, Cell)], seed: u64, index: u64) -> (&'a (&'static str, Cell), f64, World) {
-    let count = cells.len() as u64;
-    let cell = &cells[(index % count) as usize];
-    let speed = SPEEDS[(index / count) as usize % SPEEDS.len()];
-    (cell, speed, plausible::world(seed, index, cell.1.config().robot.joint.len()))
+/// Which of `count` cells a run is of, and the part of its speed: cells take turns, and so do speeds.
+fn place(count: usize, index: u64) -> (usize, f64) {
+    let count = count as u64;
+    ((index % count) as usize, SPEEDS[(index / count) as usize % SPEEDS.len()])
 }
 
-fn one(cells: &[(&'static str, Cell)], seed: u64, index: u64) -> Result<Run, String> {
-    let ((name, cell), speed, world) = draw(cells, seed, index);
+fn one((name, cell): &(&'static str, Cell), speed: f64, seed: u64, index: u64) -> Result<Run, String> {
+    let world = plausible::world(seed, index, cell.config().robot.joint.len());
     let press = |is_on: &dyn Fn(Cause) -> bool| {
         let scenario = cell.scenario(&world, speed * cell.highest_speed_m_s, is_on);
         let both = plausible::press(cell.config(), &scenario)
@@ -127,9 +169,10 @@ fn one(cells: &[(&'static str, Cell)], seed: u64, index: u64) -> Result<Run, Str
     Ok(run)
 }
 
-fn describe(cells: &[(&'static str, Cell)], seed: u64, index: u64) -> Result<String, String> {
-    let ((name, cell), speed, world) = draw(cells, seed, index);
-    let run = one(cells, seed, index)?;
+fn describe(named: &(&'static str, Cell), speed: f64, seed: u64, index: u64) -> Result<String, String> {
+    let (name, cell) = named;
+    let world = plausible::world(seed, index, cell.config().robot.joint.len());
+    let run = one(named, speed, seed, index)?;
     let named = speed * cell.highest_speed_m_s;
     let Run { contact, outward, causes, .. } = run;
     let mut text =
@@ -156,7 +199,7 @@ mod tests {
     /// taken for a scale, and the answers of the solver were refused until the arm stopped.
     #[test]
     fn a_force_that_is_hardly_reached_stops_no_arm() {
-        let (_, cell) = cells::all(Some("planar, 1 ms"), 1).unwrap().remove(0);
+        let (_, cell) = cells::with_speeds(&["planar, 1 ms"], 1).unwrap().remove(0);
         let cell = cell.knowing_a_range(2.5);
         let world = plausible::world(21, 13, 2);
         let scenario = cell.scenario(&world, SPEEDS[2] * cell.highest_speed_m_s, |_| true);
@@ -168,7 +211,7 @@ mod tests {
     /// are over their limit near half speed where the arm is taken to follow as told.
     #[test]
     fn an_arm_that_may_follow_late_keeps_its_limit() {
-        let (_, cell) = cells::all(Some("planar, 4 ms"), 1).unwrap().remove(0);
+        let (_, cell) = cells::with_speeds(&["planar, 4 ms"], 1).unwrap().remove(0);
         let cell = cell.knowing_a_range(2.5);
         for (index, speed_m_s) in [(22, 0.17), (61, 0.175), (82, 0.156)] {
             let world = plausible::world(1, index, 2);
@@ -186,11 +229,12 @@ mod tests {
     #[test]
     fn an_example_is_the_command_that_shows_the_run_again() {
         const SEED: u64 = 3;
-        for name in [None, Some("planar, 4 ms")] {
-            let cells = cells::all(Some("planar, 4 ms"), 1).unwrap();
-            let mut run = one(&cells, SEED, 5).unwrap();
+        let cells = cells::with_speeds(&["planar, 4 ms"], 1).unwrap();
+        let cell = Some("planar, 4 ms".to_owned());
+        for told in [Told::default(), Told { cell, stiffness_within: Some(2.5), lag_tolerance: 0.005 }] {
+            let mut run = one(&cells[0], 0.5, SEED, 5).unwrap();
             run.contact.late_losses += 1;
-            let examples = Figures::of(SEED, name, &cells, &[run]).examples;
+            let examples = Figures::of(SEED, &told, &cells, &[run]).examples;
             let words = examples[0].split('"').enumerate().flat_map(|(part, text)| {
                 let quoted = part % 2 == 1;
                 if quoted { vec![text] } else { text.split_whitespace().collect() }
@@ -198,7 +242,7 @@ mod tests {
             let words: Vec<&str> = words.collect();
             assert_eq!(words[..3], ["admittance-lab", "study", "robustness"]);
             let Command { args } = Command::parse_from(&words[2..]);
-            assert_eq!((args.seed, args.cell.as_deref(), args.index), (SEED, name, Some(5)));
+            assert_eq!((args.seed, args.told, args.index), (SEED, told, Some(5)));
         }
     }
 }
