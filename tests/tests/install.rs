@@ -100,7 +100,7 @@ fn the_units_are_sound_and_hardened() {
         }
         systemd.run(&format!("test -s {share}/fish/vendor_completions.d/{program}.fish"));
     }
-    for unit in ["admittanced@robot.service", "plant-sim@robot.service"] {
+    for unit in ["admittanced@robot.service", "plant-sim@robot.service", "admittance-egm@robot.service"] {
         // It succeeds with unknown keys as well: what it says is what counts.
         assert_eq!(systemd.run(&format!("systemd-analyze verify {unit}")), "", "{unit}");
         let security = format!("systemd-analyze security --offline=true --threshold=20 {unit}");
@@ -133,6 +133,7 @@ fn another_root_gets_everything_and_is_rid_of_it() {
         "usr/local/bin/plant-sim",
         "usr/local/lib/systemd/system/admittanced@.service",
         "usr/local/lib/systemd/system/plant-sim@.service.d/sandbox.conf",
+        "usr/local/lib/systemd/system/admittance-egm@.service.d/udp.conf",
         "usr/local/lib/sysusers.d/admittanced.conf",
         "usr/local/lib/udev/rules.d/60-admittanced.rules",
         "usr/local/share/admittanced/robots/six-joint.toml",
