@@ -4,8 +4,9 @@ set -eu
 
 usage() {
     cat <<'END'
-Installs what operators need below /usr/local: admittanced, admittancectl, plant-sim (for rehearsals), their manual pages and shell
-completions, admittance-egm (for ABB robots), units, the user admittanced and example files. admittance-lab, which developers measure with, is not installed.
+Installs what operators need below /usr/local: admittanced, admittancectl, plant-sim (for rehearsals), admittance-egm (for ABB robots),
+their manual pages and shell completions, units, the user admittanced and example files. admittance-lab, which developers measure
+with, is not installed.
 
 Usage: install.sh [--root DIR] [--binaries DIR]
        install.sh --uninstall [--purge] [--root DIR]

@@ -13,6 +13,7 @@ use egm_messages::{
 use end_to_end::session::{drive_plant_by, output, plant_command, start_daemon, wait_for_log, with_keys, write};
 use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, certain, needs, python, undisturbed};
 use ipc_types::TruthSample;
+use plant_sim::faults::FaultKind;
 
 const DAEMON: &str = include_str!("../../deploy/egm/six-joint.toml");
 const EDGE: &str = include_str!("../../deploy/egm/six-joint.egm.toml");
@@ -132,6 +133,24 @@ fn it_touches_slides_and_lifts_off_over_a_network_that_is_not_perfect() {
     }
 }
 
+/// What the fault matrix does to a controller on shared memory, here to the robot's messages.
+#[test]
+fn every_fault_in_contact_keeps_the_limit_and_leaves_comm_timeout_alone() {
+    for kind in FaultKind::ALL {
+        let fault = format!("[{{ at_s = 0.8, duration_s = 0.3, kind = \"{kind}\" }}]");
+        let changes = [("fault", fault.as_str()), ("timing.settle_s", "0.5")];
+        undisturbed(|| {
+            let mut cell = Cell::start();
+            let (truths, said) = cell.run(&changes, |_, _, _| {});
+            println!("{kind}: peak {:.1} N", peak(&truths));
+            assert!(truths.iter().any(|truth| truth.in_contact == 1), "{kind}: no contact");
+            assert!(peak(&truths) <= MOST, "{kind}: peak {} N", peak(&truths));
+            assert!(!said.contains("CommTimeout"), "{kind}: {said}");
+            assert!(cell.edge.exit_status().is_none() && !cell.edge.stderr().contains("panicked"), "{kind}");
+        });
+    }
+}
+
 /// Kills or ends something when contact has lasted for 50 cycles, and says when, and what was.
 fn in_contact(end: impl Fn(&mut Cell)) -> (Cell, Vec<TruthSample>, String, u64) {
     let mut cell = Cell::start();
@@ -175,12 +194,13 @@ fn a_robot_whose_edge_is_killed_keeps_its_last_speed_until_comm_timeout() {
         let mut killed_ns = 0;
         let free = [("surface.point_m", "[-0.48934, -0.33388, -0.9]"), ("egm.comm_timeout_s", "0.3")];
         // Touching is not what this is about.
-        let (truths, said) = cell.run(&[&free[1..], &[("surface.stiffness_n_m", "100.0")]].concat(), |cell, _, truth| {
-            if truth.scenario_time_s > 0.2 && killed_ns == 0 {
-                cell.edge.signal(libc::SIGKILL);
-                killed_ns = admittance_host::clock::monotonic_ns();
-            }
-        });
+        let (truths, said) =
+            cell.run(&[&free[1..], &[("surface.stiffness_n_m", "100.0")]].concat(), |cell, _, truth| {
+                if truth.scenario_time_s > 0.2 && killed_ns == 0 {
+                    cell.edge.signal(libc::SIGKILL);
+                    killed_ns = admittance_host::clock::monotonic_ns();
+                }
+            });
         let at = |seconds: f64| {
             let after_ns = killed_ns + (seconds * 1e9) as u64;
             truths.iter().find(|truth| truth.stamp_ns > after_ns).map(fastest).expect("the run goes on")
@@ -248,13 +268,16 @@ fn attack(chance: &mut Chance, cycle: u32) -> Vec<u8> {
 fn what_others_send_neither_ends_the_edge_nor_moves_the_robot() {
     let mut cell = Cell::start();
     let edge = SocketAddr::from((Ipv4Addr::LOCALHOST, cell.port));
-    let stop = AtomicBool::new(false);
+    let (go, stop) = (AtomicBool::new(false), AtomicBool::new(false));
     std::thread::scope(|scope| {
         let attacker = scope.spawn(|| {
             let (mut chance, mut sent) = (Chance(0x9E37_79B9_7F4A_7C15), 0_u32);
             // The robot's own address, and another one.
             let ends =
                 [Ipv4Addr::LOCALHOST, Ipv4Addr::new(127, 0, 0, 2)].map(|ip| UdpSocket::bind((ip, 0)).expect("bound"));
+            while !go.load(Ordering::Relaxed) {
+                std::thread::sleep(Duration::from_millis(1));
+            }
             while !stop.load(Ordering::Relaxed) {
                 let _ = ends[chance.below(2)].send_to(&attack(&mut chance, sent), edge);
                 sent += 1;
@@ -266,8 +289,9 @@ fn what_others_send_neither_ends_the_edge_nor_moves_the_robot() {
         let still =
             [("motion", "[{ duration_s = 3.0, twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0] }]"), ("timing.settle_s", "1.0")];
         let still = [&still[..], &[("start", "{ joint_position_rad = [0.3, 1.2, -1.8, 2.2, 1.57, 0.3] }")]].concat();
-        std::thread::sleep(Duration::from_millis(300));
-        let (truths, said) = cell.run(&still, |_, _, _| {});
+        // From when the session has begun: it belongs to whoever began it.
+        let (truths, said) = cell.run(&still, |_, _, truth| go.store(truth.scenario_time_s > -0.9, Ordering::Relaxed));
+        go.store(true, Ordering::Relaxed);
         stop.store(true, Ordering::Relaxed);
         let sent = attacker.join().expect("it ends");
         let fastest = truths.iter().map(fastest).fold(0.0, f64::max);
@@ -278,8 +302,8 @@ fn what_others_send_neither_ends_the_edge_nor_moves_the_robot() {
     assert!(!cell.edge.stderr().contains("panicked"), "{}", cell.edge.report());
 }
 
-/// A changed bit in a robot's own message may look like a movement: no answer may be faster than the limit, and none moves
-/// once the messages are sound again.
+/// A changed bit in a robot's own message may look like a force: no answer may be faster than the limit, and none moves once
+/// the messages are sound again.
 #[test]
 fn what_a_robot_sends_in_pieces_ends_in_zeros() {
     let mut cell = Cell::start();

@@ -89,7 +89,11 @@ fn the_units_are_sound_and_hardened() {
         systemd.run(&format!("grep -q '^.TH ADMITTANCECTL-' {share}/man/man1/admittancectl-{command}.1"));
         assert!(completion.contains(command), "{command}");
     }
-    for (program, page) in [("admittanced", "man8/admittanced.8"), ("plant-sim", "man1/plant-sim.1")] {
+    for (program, page) in [
+        ("admittanced", "man8/admittanced.8"),
+        ("admittance-egm", "man8/admittance-egm.8"),
+        ("plant-sim", "man1/plant-sim.1"),
+    ] {
         let page = systemd.run(&format!("cat {share}/man/{page}")).replace("\\-", "-");
         let help = systemd.run(&format!("{program} --help"));
         let options = help.split_whitespace().filter(|word| word.starts_with("--")).map(|word| word.trim_matches(','));

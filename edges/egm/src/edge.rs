@@ -215,6 +215,10 @@ impl Edge {
     /// One sample, and its answer.
     fn cycle(&mut self, measured: &Measured, arrival_ns: u64) {
         let bearing = self.guide.bearing(measured);
+        // A cycle whose message was lost has a number of its own: the daemon is to see that it is missing, and not another rate.
+        for before in (1..=measured.missed).rev() {
+            let _ = self.controller.begin(measured.stamp_ns.saturating_sub(before * self.setup.arm.sampling_time_ns));
+        }
         let mut sample = self.controller.begin(measured.stamp_ns);
         fill(&mut sample, measured, &bearing);
         self.controller.publish(&sample);

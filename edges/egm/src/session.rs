@@ -20,11 +20,14 @@ const MARGIN: f64 = 1.5;
 pub struct Measured {
     /// CLOCK_MONOTONIC at the measurement, ns.
     pub stamp_ns: u64,
+    /// Cycles since the last message that counted of which none came.
+    pub missed: u64,
     /// The message.
     pub reading: Reading,
     /// q̇, rad/s or m/s: the mean since the message before.
     pub velocity: [f64; MAX_JOINTS],
-    /// q̇0 in the same way.
+    /// q̇0 in the same way, and as two messages in a row have it: of each joint the slower, or 0 where they do not agree which
+    /// way. One message with a changed value leads nowhere.
     pub reference_velocity: [f64; MAX_JOINTS],
 }
 
@@ -86,6 +89,8 @@ struct Last {
     robot_ns: u64,
     stamp_ns: u64,
     clock: RobotClock,
+    /// q̇0 as this message alone has it, rad/s or m/s.
+    led: [f64; MAX_JOINTS],
 }
 
 impl Session {
@@ -105,7 +110,7 @@ impl Session {
                 RobotTime::Header(ms) => u64::from(ms) * 1_000_000,
             };
             let clock = RobotClock::new(robot_ns, arrival_ns);
-            self.last = Some(Last { reading: *reading, robot_ns, stamp_ns: arrival_ns, clock });
+            self.last = Some(Last { reading: *reading, robot_ns, stamp_ns: arrival_ns, clock, led: [0.0; MAX_JOINTS] });
             return Ok(None);
         };
         let (sequence, newest) = (reading.sequence, last.reading.sequence);
@@ -120,8 +125,7 @@ impl Session {
             return Err(Refusal::Late { sequence, late_ms: late_ns / 1_000_000 });
         }
         let velocity = self.speeds("feedBack.joints", reading, &last, elapsed_ns, |reading| &reading.position)?;
-        let reference_velocity =
-            self.speeds("planned.joints", reading, &last, elapsed_ns, |reading| &reading.reference)?;
+        let led = self.speeds("planned.joints", reading, &last, elapsed_ns, |reading| &reading.reference)?;
 
         let mut clock = last.clock;
         let stamp_ns = if self.listened < LISTENED {
@@ -131,13 +135,14 @@ impl Session {
         } else {
             Some(clock.stamp(robot_ns, arrival_ns, elapsed_ns)).filter(|stamp_ns| *stamp_ns > last.stamp_ns)
         };
-        self.last = Some(Last { reading: *reading, robot_ns, stamp_ns: stamp_ns.unwrap_or(last.stamp_ns), clock });
+        self.last = Some(Last { reading: *reading, robot_ns, stamp_ns: stamp_ns.unwrap_or(last.stamp_ns), clock, led });
         let is_gap = elapsed_ns > LONGEST_GAP * self.sampling_time_ns;
         Ok(stamp_ns.filter(|_| !is_gap).map(|stamp_ns| Measured {
             stamp_ns,
+            missed: ((elapsed_ns + self.sampling_time_ns / 2) / self.sampling_time_ns).saturating_sub(1),
             reading: *reading,
             velocity,
-            reference_velocity,
+            reference_velocity: std::array::from_fn(|joint| agreed(last.led[joint], led[joint])),
         }))
     }
 
@@ -160,6 +165,11 @@ impl Session {
         }
         Ok(speeds)
     }
+}
+
+/// The slower of two speeds; 0 where they go opposite ways.
+fn agreed(one: f64, other: f64) -> f64 {
+    if one * other <= 0.0 { 0.0 } else { one.signum() * one.abs().min(other.abs()) }
 }
 
 /// Time in ns from one instant of the robot's clock to a later one; `None` where it is not later, or not of the same clock.
@@ -237,9 +247,27 @@ mod tests {
     fn a_lost_message_leaves_the_mean_and_a_gap_nothing() {
         let mut session = begun();
         let measured = take(&mut session, LISTENED + 4).expect("sound").expect("a sample");
+        assert_eq!(measured.missed, 2);
         assert!((measured.velocity[0] - 0.1_f64.to_radians() / 0.004).abs() < 1e-9);
         assert_eq!(take(&mut session, LISTENED + 20), Ok(None));
         assert!(take(&mut session, LISTENED + 21).expect("sound").is_some());
+    }
+
+    #[test]
+    fn one_message_with_a_changed_reference_leads_nowhere() {
+        let mut session = begun();
+        for cycle in LISTENED + 2..LISTENED + 6 {
+            let (mut stands, arrival_ns) = reading(cycle);
+            stands.reference = [0.0; MAX_JOINTS];
+            stands.reference[2] = if cycle == LISTENED + 4 { 0.01 } else { 0.0 };
+            stands.reference[..2].copy_from_slice(&reading(cycle).0.reference[..2]);
+            let measured = session.take(&stands, arrival_ns);
+            if cycle > LISTENED + 2 {
+                let measured = measured.expect("sound").expect("a sample");
+                assert_eq!(measured.reference_velocity[2], 0.0, "cycle {cycle}");
+                assert!(measured.reference_velocity[0] > 0.5, "the others go on: {measured:?}");
+            }
+        }
     }
 
     #[test]
