@@ -37,19 +37,24 @@ pub(crate) fn run(
     stop: &AtomicBool,
     is_quiet: bool,
 ) -> Result<(), (ExitCode, String)> {
+    let Some(way) = &scenario.egm else {
+        return Err((
+            ExitCode::Config,
+            format!("--egm {edge}: the scenario has no [egm]; accepted: one, which may be empty"),
+        ));
+    };
     let unavailable = |why: String| (ExitCode::Unavailable, why);
     let node = settings.node("plant-sim").map_err(|error| unavailable(error.to_string()))?;
     let truths = services::truth(&node, &settings.instance, Access::OpenOrCreate)
         .map_err(|error| unavailable(error.to_string()))?
         .publisher()
         .map_err(|error| unavailable(error.to_string()))?;
-    let mut network =
-        Network::open(&scenario.egm, edge).map_err(|error| unavailable(format!("--egm {edge}: {error}")))?;
+    let mut network = Network::open(way, edge).map_err(|error| unavailable(format!("--egm {edge}: {error}")))?;
 
     let first = monotonic_ns() + 10_000_000;
     let mut plant =
         any_plant(scenario, first, first | 1, true).map_err(|error| (ExitCode::Config, error.to_string()))?;
-    let mut controller = RobotController::new(scenario, first);
+    let mut controller = RobotController::new(scenario, way, first);
     let mut summary = Summary::of_scenario(scenario);
     let patience = first + Span::from_seconds(patience_s).nanoseconds();
     while !plant.is_finished() && !stop.load(Ordering::Relaxed) {
@@ -67,10 +72,7 @@ pub(crate) fn run(
             controller.miss();
         }
         if controller.stops_by_itself(stamp) {
-            tracing::warn!(
-                "CommTimeout: nothing was heard for {} s: the robot stops by itself",
-                scenario.egm.comm_timeout_s
-            );
+            tracing::warn!("CommTimeout: nothing was heard for {} s: the robot stops by itself", way.comm_timeout_s);
         }
         if plant.publishes() {
             network.send(&controller.message(plant.sample()));

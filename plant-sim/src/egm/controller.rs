@@ -9,6 +9,7 @@ use egm_messages::{
 };
 use ipc_types::{MAX_JOINTS, StateSample};
 
+use crate::egm_section::EgmSection;
 use crate::scenario::Scenario;
 
 /// What the robot's clock shows at the first message, ns: nobody may take it for this host's.
@@ -47,7 +48,7 @@ pub(super) struct RobotController {
 
 impl RobotController {
     /// The controller of a scenario's robot, whose first message is sent at `first_ns`.
-    pub(super) fn new(scenario: &Scenario, first_ns: u64) -> Self {
+    pub(super) fn new(scenario: &Scenario, egm: &EgmSection, first_ns: u64) -> Self {
         let unit = |kind| match kind {
             KindName::Revolute => JointUnit::Degree,
             KindName::Prismatic => JointUnit::Millimetre,
@@ -55,8 +56,8 @@ impl RobotController {
         Self {
             units: scenario.robot.joint.iter().map(|joint| unit(joint.kind)).collect(),
             first_ns,
-            drift_ppm: scenario.egm.clock_drift_ppm,
-            comm_timeout_ns: Span::from_seconds(scenario.egm.comm_timeout_s).nanoseconds(),
+            drift_ppm: egm.clock_drift_ppm,
+            comm_timeout_ns: Span::from_seconds(egm.comm_timeout_s).nanoseconds(),
             told: Told::Nothing,
             heard_ns: None,
             has_stopped: false,
