@@ -4,8 +4,9 @@ set -eu
 
 usage() {
     cat <<'END'
-Installs what operators need below /usr/local: admittanced, admittancectl, plant-sim (for rehearsals), their manual pages and shell
-completions, units, the user admittanced and example files. admittance-lab, which developers measure with, is not installed.
+Installs what operators need below /usr/local: admittanced, admittancectl, plant-sim (for rehearsals), admittance-egm (for ABB robots),
+their manual pages and shell completions, units, the user admittanced and example files. admittance-lab, which developers measure
+with, is not installed.
 
 Usage: install.sh [--root DIR] [--binaries DIR]
        install.sh --uninstall [--purge] [--root DIR]
@@ -99,7 +100,7 @@ remove_files() {
 }
 
 install_files() {
-    for program in admittanced admittancectl plant-sim; do
+    for program in admittanced admittancectl plant-sim admittance-egm; do
         [ -x "$binaries/$program" ] ||
             fail 66 "$binaries/$program: not there; build it (cargo build --release --workspace --bins) or give --binaries"
     done
@@ -111,22 +112,26 @@ install_files() {
     remove_files
     made=
     directory /etc/admittanced
-    for program in admittanced admittancectl plant-sim; do
+    for program in admittanced admittancectl plant-sim admittance-egm; do
         file 0755 "$binaries/$program" "/usr/local/bin/$program"
     done
-    for unit in admittanced@.service plant-sim@.service; do
+    for unit in admittanced@.service plant-sim@.service admittance-egm@.service; do
         file 0644 "$source/deploy/systemd/$unit" "/usr/local/lib/systemd/system/$unit"
         file 0644 "$source/deploy/systemd/sandbox.conf" "/usr/local/lib/systemd/system/$unit.d/sandbox.conf"
     done
+    file 0644 "$source/deploy/systemd/udp.conf" /usr/local/lib/systemd/system/admittance-egm@.service.d/udp.conf
     file 0644 "$source/deploy/systemd/sysusers.conf" /usr/local/lib/sysusers.d/admittanced.conf
     file 0644 "$source/deploy/systemd/udev.rules" /usr/local/lib/udev/rules.d/60-admittanced.rules
     for example in "$source"/deploy/robots/*.toml; do
         file 0644 "$example" "$share/robots/${example##*/}"
     done
+    for example in "$source"/deploy/egm/*.toml; do
+        file 0644 "$example" "$share/egm/${example##*/}"
+    done
     for example in "$source"/plant-sim/scenarios/*.toml; do
         file 0644 "$example" "$share/scenarios/${example##*/}"
     done
-    for page in deploy/TUNING.md deploy/THREATS.md docs/faults.md; do
+    for page in deploy/TUNING.md deploy/THREATS.md docs/faults.md docs/egm.md; do
         file 0644 "$source/$page" "$share/${page##*/}"
     done
     for page in $(cd "$written" && find . -type f | sort); do
@@ -157,12 +162,12 @@ fi
 if is_live; then
     # The daemons first: in contact they stop at a low force as long as samples come.
     systemctl stop 'admittanced@*.service'
-    systemctl stop 'plant-sim@*.service'
-    systemctl reset-failed 'admittanced@*.service' 'plant-sim@*.service' 2>/dev/null || true
+    systemctl stop 'plant-sim@*.service' 'admittance-egm@*.service'
+    systemctl reset-failed 'admittanced@*.service' 'plant-sim@*.service' 'admittance-egm@*.service' 2>/dev/null || true
 fi
 if [ -f "$manifest" ]; then
     # Of the template: all its instances.
-    if command -v systemctl >/dev/null; then systemctl ${root:+"--root=$root"} disable --quiet admittanced@.service; fi
+    if command -v systemctl >/dev/null; then systemctl ${root:+"--root=$root"} disable --quiet admittanced@.service admittance-egm@.service; fi
 fi
 remove_files
 if [ -n "$purge" ]; then

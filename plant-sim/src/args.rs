@@ -30,6 +30,10 @@ pub struct Args {
     /// Start of shared-memory names; overrides ipc.prefix.
     #[arg(long, value_name = "TEXT")]
     pub(crate) prefix: Option<String>,
+    /// Be a robot that is guided by EGM: send its messages to the edge at this address, such as 127.0.0.1:6510, in place of
+    /// samples to the daemon.
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub(crate) egm: Option<std::net::SocketAddr>,
     /// Seconds to wait for the first command.
     #[arg(long = "controller-timeout", value_name = "S", default_value = "10", value_parser = timeout)]
     #[arg(allow_negative_numbers = true)]

@@ -4,9 +4,11 @@
 //! The data path: [`scenario`] → [`setup`] → [`plant`] ([`motion`] and the client's playback give
 //! the joint reference, [`joints`] follow it: [`joint_loop`] or [`rigid_body`]; [`environment`] pushes back,
 //! [`wrench_estimate`], [`noise`], [`wrench_sensor`] and [`faults`] make the sample) → [`run`] in
-//! virtual time, or `shell` in real time.
+//! virtual time, or `shell` in real time; `egm` in real time as a robot that is guided over UDP.
 
 mod args;
+mod egm;
+pub mod egm_section;
 pub mod environment;
 pub mod faults;
 pub mod joint_loop;

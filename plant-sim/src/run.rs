@@ -2,7 +2,7 @@
 
 use admittance_client::{Applied, Reception, Rejection};
 use admittance_core::with_arm;
-use ipc_types::{CommandSample, StateSample, TruthSample, VirtualPlant};
+use ipc_types::{CommandSample, MAX_JOINTS, StateSample, TruthSample, VirtualPlant};
 
 use crate::plant::{CycleTiming, Divergence, Led, Plant, Retreated};
 use crate::rigid_body::Overload;
@@ -37,6 +37,8 @@ pub trait AnyPlant {
     fn led_truth(&mut self, led: &Led) -> TruthSample;
     /// See [`Plant::follow`].
     fn follow(&mut self, applied: &Applied, until_ns: u64);
+    /// See [`Plant::follow_joints`].
+    fn follow_joints(&mut self, speeds: &[f64; MAX_JOINTS], until_ns: u64);
     /// See [`Plant::arrive`].
     fn arrive(&mut self, has_received: bool);
     /// Whether a valid command was ever received.
@@ -100,6 +102,10 @@ impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
 
     fn follow(&mut self, applied: &Applied, until_ns: u64) {
         self.follow(applied, until_ns);
+    }
+
+    fn follow_joints(&mut self, speeds: &[f64; MAX_JOINTS], until_ns: u64) {
+        self.follow_joints(speeds, until_ns);
     }
 
     fn arrive(&mut self, has_received: bool) {

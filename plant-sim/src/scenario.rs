@@ -7,6 +7,7 @@ use admittance_host::realtime::RealtimeSection;
 use admittance_host::robot_description::RobotDescription;
 use admittance_host::{config_file, config_section};
 
+use crate::egm_section::EgmSection;
 pub use crate::environment::SurfaceSection;
 use crate::faults::FaultKind;
 use crate::rigid_body::RigidBodySection;
@@ -147,6 +148,8 @@ config_section! {
         motion: Vec<MotionSection>, length 1..=64;
         /// Scripted faults.
         fault: Vec<FaultSection> = Vec::new(), length 0..=64;
+        /// The robot's end of EGM; looked at with plant-sim --egm alone, which needs it.
+        egm: Option<EgmSection>;
         /// How the real-time loop runs.
         realtime: RealtimeSection;
     }
@@ -173,6 +176,11 @@ fn sizes(scenario: &Scenario, _: &str, errors: &mut Vec<ConfigError>) {
     }
     for (index, motion) in scenario.motion.iter().enumerate() {
         check(format!("motion[{index}].twist"), motion.twist.len(), axes, "task axis");
+    }
+    let cycle_s = scenario.timing.sampling_time_s;
+    if let Some(egm) = scenario.egm.as_ref().filter(|egm| egm.jitter_s >= cycle_s) {
+        let accepted = format!("below timing.sampling_time_s = {cycle_s} s");
+        errors.push(ConfigError::new("egm.jitter_s", egm.jitter_s, accepted));
     }
     let damping = scenario.robot.velocity_loop.as_ref().and_then(|beyond| beyond.damping.as_ref());
     let damped = damping.filter(|damping| damping.iter().any(|damping| *damping > 0.0));

@@ -19,6 +19,7 @@ use ipc_types::services::{self, Access};
 use ipc_types::{Publisher, TruthSample};
 
 use crate::args::{self, Args};
+use crate::egm;
 use crate::plant::{CycleTiming, Retreated};
 use crate::run::{AnyPlant, any_plant};
 use crate::scenario::Scenario;
@@ -82,6 +83,10 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
         .map_err(|why| (ExitCode::Config, why))?;
     let unavailable = |why: String| (ExitCode::Unavailable, why);
     settings.check(Needed::PLANT).map_err(|error| (ExitCode::of_refusal(error.is_permission()), error.to_string()))?;
+    if let Some(edge) = args.egm {
+        become_real_time(&scenario)?;
+        return egm::run(&scenario, &settings, edge, args.controller_timeout_s, &stop, args.quiet);
+    }
     let opening = TimeLimit::of_opening("plant-sim", &settings.prefix);
     let ports = Ports::open(&settings, "plant-sim")
         .map_err(|error| (ExitCode::of_refusal(error.is_permission()), error.to_string()))?;
@@ -90,14 +95,7 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
         .publisher()
         .map_err(|error| unavailable(error.to_string()))?;
     drop(opening);
-    for report in go_real_time(&scenario.realtime) {
-        if let StepOutcome::Refused(why) = report.outcome {
-            if scenario.realtime.require_realtime {
-                return Err((ExitCode::NoPermission, format!("{} was refused: {why}", report.step)));
-            }
-            tracing::warn!("real time: {}: refused: {why}", report.step);
-        }
-    }
+    become_real_time(&scenario)?;
     if !args.quiet {
         let version = env!("CARGO_PKG_VERSION");
         tracing::info!("plant-sim {version}: scenario \"{}\", waiting for admittanced", scenario.name);
@@ -171,6 +169,18 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
             tracing::info!("retreated: the tool is {:.1} mm from the surface{how}", gap_m * 1e3);
         }
         Some(_) => {}
+    }
+    Ok(())
+}
+
+fn become_real_time(scenario: &Scenario) -> Result<(), (ExitCode, String)> {
+    for report in go_real_time(&scenario.realtime) {
+        if let StepOutcome::Refused(why) = report.outcome {
+            if scenario.realtime.require_realtime {
+                return Err((ExitCode::NoPermission, format!("{} was refused: {why}", report.step)));
+            }
+            tracing::warn!("real time: {}: refused: {why}", report.step);
+        }
     }
     Ok(())
 }

@@ -15,6 +15,8 @@ pub struct Binaries {
     pub plant_sim: PathBuf,
     /// The tool.
     pub admittancectl: PathBuf,
+    /// The edge to ABB robots.
+    pub admittance_egm: PathBuf,
     /// What developers measure with.
     pub admittance_lab: PathBuf,
     /// The C client, from which its libraries are installed.
@@ -61,6 +63,7 @@ fn build() -> Binaries {
         admittanced: path("admittanced"),
         plant_sim: path("plant-sim"),
         admittancectl: path("admittancectl"),
+        admittance_egm: path("admittance-egm"),
         admittance_lab: path("admittance-lab"),
         client_archive: path("admittance_client_c"),
         plant_library: path("plant_library"),

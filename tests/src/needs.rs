@@ -16,6 +16,9 @@ const PINOCCHIO_PYTHON_VERSION: &str = "4.1.0";
 /// The version of the descriptions that are imported.
 const ROBOT_DATA_PYTHON_VERSION: &str = "6.0.0";
 
+/// The version of the package that EGM messages are held to.
+const ABB_ROBOT_EGM_PYTHON_VERSION: &str = "1.0.7";
+
 const REQUIRE: &str = "ADMITTANCE_TESTS_REQUIRE";
 const PYTHON: &str = "ADMITTANCE_PYTHON";
 
@@ -27,6 +30,8 @@ pub enum Need {
     Python,
     /// That Python with Pinocchio and example-robot-data, of the versions that CI installs.
     RobotDescriptions,
+    /// That Python with ABBRobotEGM, of the version that CI installs.
+    AbbRobotEgm,
     /// Effective user id 0.
     Root,
     /// systemd and the means (root, namespaces) to run one apart from the machine's own.
@@ -85,6 +90,7 @@ fn look_for(need: Need) -> Result<(), String> {
         Need::RobotDescriptions => {
             find_python().as_ref().map_err(Clone::clone).and_then(|python| robot_descriptions(python))
         }
+        Need::AbbRobotEgm => find_python().as_ref().map_err(Clone::clone).and_then(|python| abb_robot_egm(python)),
         Need::Root => root(),
         Need::Systemd => root().and_then(|()| systemd()),
         Need::Strace => run("strace", &["-o", "/dev/null", "true"]),
@@ -142,6 +148,14 @@ fn robot_descriptions(python: &Path) -> Result<(), String> {
     let script = format!(
         "import importlib.metadata as m, pinocchio; v = m.version('pin'), m.version('example-robot-data'); assert v == \
          ('{PINOCCHIO_PYTHON_VERSION}', '{ROBOT_DATA_PYTHON_VERSION}'), 'pin %s, example-robot-data %s' % v"
+    );
+    run(&python.to_string_lossy(), &["-c", &script])
+}
+
+fn abb_robot_egm(python: &Path) -> Result<(), String> {
+    let script = format!(
+        "import importlib.metadata as m, ABBRobotEGM; v = m.version('ABBRobotEGM'); assert v == '{ABB_ROBOT_EGM_PYTHON_VERSION}', \
+         'ABBRobotEGM %s' % v"
     );
     run(&python.to_string_lossy(), &["-c", &script])
 }

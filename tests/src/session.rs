@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::Duration;
 
-use ipc_types::TruthSample;
 use ipc_types::services::{self, Access};
+use ipc_types::{IpcSettings, TruthSample};
 
 use crate::{Child, PATIENCE, PrivateIpc, binaries};
 
@@ -127,16 +127,23 @@ pub fn run_plant(ipc: &PrivateIpc, scenario: &Path, mut each: impl FnMut(&TruthS
 ///
 /// # Panics
 /// As [`run_plant`].
-pub fn drive_plant(
-    ipc: &PrivateIpc,
-    scenario: &Path,
+pub fn drive_plant(ipc: &PrivateIpc, scenario: &Path, each: impl FnMut(&mut Child, &TruthSample)) -> Vec<TruthSample> {
+    drive_plant_by(ipc.settings(), &mut Child::spawn(&mut plant_command(ipc, scenario)), each)
+}
+
+/// Sees a plant that was just started to its end like [`drive_plant`].
+///
+/// # Panics
+/// As [`run_plant`].
+pub fn drive_plant_by(
+    settings: &IpcSettings,
+    plant: &mut Child,
     mut each: impl FnMut(&mut Child, &TruthSample),
 ) -> Vec<TruthSample> {
-    let mut plant = Child::spawn(&mut plant_command(ipc, scenario));
-    let node = ipc.settings().node("test").expect("a node");
+    let node = settings.node("test").expect("a node");
     let mut service = None;
     plant.wait_until("the plant publishes its truth", PATIENCE, |_| {
-        service = services::truth(&node, &ipc.settings().instance, Access::Open).ok();
+        service = services::truth(&node, &settings.instance, Access::Open).ok();
         service.is_some()
     });
     let truths = service.expect("just opened").subscriber().expect("a subscriber");
@@ -144,7 +151,7 @@ pub fn drive_plant(
     loop {
         let ended = plant.exit_status();
         while let Ok(Some(truth)) = truths.receive() {
-            each(&mut plant, &truth);
+            each(plant, &truth);
             series.push(*truth);
         }
         if let Some(status) = ended {

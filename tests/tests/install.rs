@@ -89,7 +89,11 @@ fn the_units_are_sound_and_hardened() {
         systemd.run(&format!("grep -q '^.TH ADMITTANCECTL-' {share}/man/man1/admittancectl-{command}.1"));
         assert!(completion.contains(command), "{command}");
     }
-    for (program, page) in [("admittanced", "man8/admittanced.8"), ("plant-sim", "man1/plant-sim.1")] {
+    for (program, page) in [
+        ("admittanced", "man8/admittanced.8"),
+        ("admittance-egm", "man8/admittance-egm.8"),
+        ("plant-sim", "man1/plant-sim.1"),
+    ] {
         let page = systemd.run(&format!("cat {share}/man/{page}")).replace("\\-", "-");
         let help = systemd.run(&format!("{program} --help"));
         let options = help.split_whitespace().filter(|word| word.starts_with("--")).map(|word| word.trim_matches(','));
@@ -100,7 +104,7 @@ fn the_units_are_sound_and_hardened() {
         }
         systemd.run(&format!("test -s {share}/fish/vendor_completions.d/{program}.fish"));
     }
-    for unit in ["admittanced@robot.service", "plant-sim@robot.service"] {
+    for unit in ["admittanced@robot.service", "plant-sim@robot.service", "admittance-egm@robot.service"] {
         // It succeeds with unknown keys as well: what it says is what counts.
         assert_eq!(systemd.run(&format!("systemd-analyze verify {unit}")), "", "{unit}");
         let security = format!("systemd-analyze security --offline=true --threshold=20 {unit}");
@@ -133,6 +137,7 @@ fn another_root_gets_everything_and_is_rid_of_it() {
         "usr/local/bin/plant-sim",
         "usr/local/lib/systemd/system/admittanced@.service",
         "usr/local/lib/systemd/system/plant-sim@.service.d/sandbox.conf",
+        "usr/local/lib/systemd/system/admittance-egm@.service.d/udp.conf",
         "usr/local/lib/sysusers.d/admittanced.conf",
         "usr/local/lib/udev/rules.d/60-admittanced.rules",
         "usr/local/share/admittanced/robots/six-joint.toml",

@@ -22,6 +22,7 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
         (shown(&Cli::command()), "man1"),
         (plant_sim::Args::command(), "man1"),
         (admittanced::Args::command(), "man8"),
+        (admittance_egm::Args::command(), "man8"),
     ];
     for (mut program, section) in programs {
         manual(&program, section, &args.directory).map_err(failed)?;

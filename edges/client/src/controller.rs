@@ -64,6 +64,10 @@ impl Arm {
         }
         Ok(self.limits.validate(self.joint_count)?)
     }
+
+    fn playback(&self) -> Playback {
+        Playback::with_limits(self.joint_count, self.command_delay_ns, self.sampling_time_ns, self.limits)
+    }
 }
 
 /// Ports and playback of one boot of a motion controller.
@@ -72,7 +76,7 @@ pub struct Controller {
     /// Room for the next sample.
     slot: Option<Slot>,
     newest: Option<CommandSample>,
-    joint_count: usize,
+    arm: Arm,
     boot_id: u64,
     sequence: u64,
     ports: Ports,
@@ -92,9 +96,14 @@ impl Controller {
     pub fn open(settings: &IpcSettings, name: &str, arm: &Arm, boot_id: u64) -> Result<Self, ControllerError> {
         arm.validate()?;
         let ports = Ports::open(settings, name)?;
-        let playback = Playback::with_limits(arm.joint_count, arm.command_delay_ns, arm.sampling_time_ns, arm.limits);
         let slot = ports.loan();
-        Ok(Self { playback, slot, newest: None, joint_count: arm.joint_count, boot_id, sequence: 0, ports })
+        Ok(Self { playback: arm.playback(), slot, newest: None, arm: *arm, boot_id, sequence: 0, ports })
+    }
+
+    /// Begins another boot on the same ports: samples are numbered from 1 again, and no answer to an earlier one is used.
+    pub fn restart(&mut self, boot_id: u64) {
+        (self.playback, self.newest) = (self.arm.playback(), None);
+        (self.boot_id, self.sequence) = (boot_id, 0);
     }
 
     /// A cycle begins whose state was measured at `stamp_ns`: the sample with its identity filled in, and no
@@ -108,7 +117,7 @@ impl Controller {
             stamp_ns,
             boot_id: self.boot_id,
             applied_command_sequence: self.playback.applied_sequence(),
-            joint_count: self.joint_count as u32,
+            joint_count: self.arm.joint_count as u32,
             plays_plan: 1,
             ..StateSample::zeroed()
         }

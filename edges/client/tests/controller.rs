@@ -49,6 +49,25 @@ fn a_cycle_numbers_its_sample_and_obeys_its_answer_at_the_instant_agreed() {
     assert_eq!(controller.newest().map(|command| command.sequence), Some(30));
 }
 
+#[test]
+fn another_boot_begins_on_the_same_ports_and_uses_no_answer_to_the_one_before() {
+    let place = Private::new();
+    let daemon = place.node("daemon").unwrap();
+    let commands = command(&daemon, &place.instance, Access::OpenOrCreate).unwrap().publisher().unwrap();
+    let mut controller = Controller::open(&place, "controller", &ARM, 7).unwrap();
+    let begun = controller.begin(START_NS);
+    let mut answer = CommandSample { sequence: 1, joint_count: 2, ..CommandSample::zeroed() };
+    (answer.state_sequence, answer.state_stamp_ns) = (begun.sequence, begun.stamp_ns);
+    commands.send_copy(answer).unwrap();
+    assert_eq!(controller.receive(START_NS), Ok(Some(Reception::InTime)));
+    controller.restart(8);
+    assert!(!controller.playback().has_received() && controller.newest().is_none());
+    let again = controller.begin(START_NS + ARM.sampling_time_ns);
+    assert_eq!((again.sequence, again.boot_id, again.applied_command_sequence), (1, 8, 0));
+    commands.send_copy(answer).unwrap();
+    assert!(matches!(controller.receive(START_NS), Err(Rejection::UnknownSample { answered: 1, .. })));
+}
+
 /// What a program of another version would send under the same service name.
 #[derive(Debug, Clone, Copy, ZeroCopySend)]
 #[type_name("admittanced.CommandSample.v999")]

@@ -1,7 +1,8 @@
 //! A plant that a motion controller of another program leads: commands, and when they act, are its business.
 
 use admittance_client::Applied;
-use ipc_types::TruthSample;
+use ipc_types::{MAX_JOINTS, TruthSample};
+use nalgebra::SVector;
 
 use super::{CycleTiming, Plant};
 use crate::faults::FaultKind;
@@ -39,6 +40,15 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     pub fn follow(&mut self, applied: &Applied, until_ns: u64) {
         let twist = self.twist_reference();
         let reference = self.reference_of(applied, &twist);
+        self.dead_time.push(self.now_ns, &reference);
+        self.integrate_until(until_ns.min(self.cycle_end_ns()), self.began_ns);
+    }
+
+    /// The joints follow these speeds in rad/s or m/s, whatever the commanded motion, from here to `until_ns`, at most to
+    /// the end of the cycle.
+    pub fn follow_joints(&mut self, speeds: &[f64; MAX_JOINTS], until_ns: u64) {
+        let is_braked = self.fault(FaultKind::DrivesDisabled);
+        let reference = SVector::from_fn(|joint, _| if is_braked { 0.0 } else { speeds[joint] });
         self.dead_time.push(self.now_ns, &reference);
         self.integrate_until(until_ns.min(self.cycle_end_ns()), self.began_ns);
     }

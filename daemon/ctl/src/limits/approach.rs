@@ -137,6 +137,7 @@ impl Approach {
                 twist: self.twist(config, speed_m_s),
             }],
             fault: Vec::new(),
+            egm: None,
             realtime: config.realtime.clone(),
         }
     }

@@ -1,0 +1,20 @@
+//! Between admittanced and an ABB robot. The robot sends a UDP message each cycle, and keeps the last speed that it was told
+//! until its CommTimeout: so this edge answers every cycle, with zeros when nothing better is known.
+//!
+//! The data path: `link` receives → [`reading`] checks and converts → [`session`] numbers, speeds, stamps → `edge` publishes
+//! the state sample and takes the answer by the rules of `admittance-client` → [`guide`] → `link` sends.
+
+mod args;
+pub mod arm;
+pub mod config;
+mod edge;
+pub mod guide;
+mod link;
+mod notify;
+pub mod reading;
+pub mod robot_clock;
+pub mod session;
+mod start;
+
+pub use args::Args;
+pub use start::main_with_args;

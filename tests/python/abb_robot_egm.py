@@ -1,0 +1,90 @@
+"""ABBRobotEGM, which nobody here wrote, on both sides: as the sensor of the emulated robot, and its messages as a robot's.
+
+abb_robot_egm.py sensor SCENARIO PLANT_SIM ARGUMENT...   1000 cycles of joint speeds to plant-sim --egm, which it starts
+abb_robot_egm.py robot PORT                              is a robot at rest for 200 messages; the edge answers at PORT
+Prints one JSON object."""
+
+import json
+import socket
+import subprocess
+import sys
+import time
+
+import numpy
+from ABBRobotEGM import EGM
+from ABBRobotEGM._egm_protobuf import egm_pb2
+
+CYCLES = 1000
+# Degrees per second.
+SPEED = numpy.array([1.0, -2.0, 3.0, 0.5, -0.5, 4.0])
+
+
+def sensor(program):
+    # A free port: the package takes no 0.
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        port = probe.getsockname()[1]
+    with EGM(port) as egm:
+        robot = subprocess.Popen(program + ["--egm", f"127.0.0.1:{port}"])
+        try:
+            states = []
+            while len(states) < CYCLES:
+                there, state = egm.receive_from_robot(5.0)
+                assert there, "the emulated robot is silent"
+                assert egm.send_to_robot(None, speed_ref=SPEED), "nothing was sent"
+                states.append(state)
+        finally:
+            robot.terminate()
+            robot.wait()
+    first, last = states[CYCLES // 2], states[-1]
+    seconds = (last.clock.seconds - first.clock.seconds) + 1e-6 * (last.clock.microseconds - first.clock.microseconds)
+    return {
+        "cycles": len(states),
+        "numbers": last.header.seqno - states[0].header.seqno,
+        "speed": list((last.joint_angles - first.joint_angles) / seconds),
+        "expected": list(SPEED),
+        "motors_on": last.motors_on,
+        "rapid_running": last.rapid_running,
+        "planned": len(last.joint_angles_planned),
+        "force": len(last.measured_force),
+    }
+
+
+def robot(port):
+    joints = [17.0, 68.0, -103.0, 126.0, 90.0, 17.0]
+    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    link.settimeout(1.0)
+    answers = []
+    for cycle in range(1, 201):
+        # Python keeps no cycle: the robot's clock says when it really is.
+        microseconds = time.monotonic_ns() // 1000
+        message = egm_pb2.EgmRobot()
+        message.header.seqno = cycle
+        message.header.tm = microseconds // 1000 % 2**32
+        message.header.mtype = egm_pb2.EgmHeader.MSGTYPE_DATA
+        message.feedBack.joints.joints.extend(joints)
+        message.feedBack.externalJoints.joints.extend([5.0, 6.0])
+        message.feedBack.time.sec = microseconds // 1000000
+        message.feedBack.time.usec = microseconds % 1000000
+        message.planned.joints.joints.extend(joints)
+        message.motorState.state = egm_pb2.EgmMotorState.MOTORS_ON
+        message.mciState.state = egm_pb2.EgmMCIState.MCI_RUNNING
+        message.rapidExecState.state = egm_pb2.EgmRapidCtrlExecState.RAPID_RUNNING
+        message.measuredForce.fcActive = True
+        message.measuredForce.force.extend([0.0] * 6)
+        link.sendto(message.SerializeToString(), ("127.0.0.1", port))
+        answer = egm_pb2.EgmSensor()
+        answer.ParseFromString(link.recvfrom(65536)[0])
+        answers.append(answer)
+        time.sleep(0.004)
+    last = answers[-1]
+    return {
+        "answers": len(answers),
+        "type": egm_pb2.EgmHeader.MessageType.Name(last.header.mtype),
+        "joints": list(last.speedRef.joints.joints),
+        "external": list(last.speedRef.externalJoints.joints),
+        "has_position": last.HasField("planned"),
+    }
+
+
+print(json.dumps(sensor(sys.argv[2:]) if sys.argv[1] == "sensor" else robot(int(sys.argv[2]))))
