@@ -15,6 +15,12 @@ pub const MUJOCO_PYTHON_VERSION: &str = "4.0.0";
 const PINOCCHIO_PYTHON_VERSION: &str = "4.1.0";
 /// The version of the descriptions that are imported.
 const ROBOT_DATA_PYTHON_VERSION: &str = "6.0.0";
+/// The version of what the notebook draws with.
+const MATPLOTLIB_PYTHON_VERSION: &str = "3.11.2";
+/// The version of what wheels are built by.
+const SETUPTOOLS_PYTHON_VERSION: &str = "84.2.1";
+/// The version of the type checker.
+const MYPY_PYTHON_VERSION: &str = "2.4.1";
 
 const REQUIRE: &str = "ADMITTANCE_TESTS_REQUIRE";
 const PYTHON: &str = "ADMITTANCE_PYTHON";
@@ -27,6 +33,8 @@ pub enum Need {
     Python,
     /// That Python with Pinocchio and example-robot-data, of the versions that CI installs.
     RobotDescriptions,
+    /// That Python with matplotlib, setuptools and mypy, of the versions that CI installs.
+    PythonTools,
     /// Effective user id 0.
     Root,
     /// systemd and the means (root, namespaces) to run one apart from the machine's own.
@@ -85,6 +93,7 @@ fn look_for(need: Need) -> Result<(), String> {
         Need::RobotDescriptions => {
             find_python().as_ref().map_err(Clone::clone).and_then(|python| robot_descriptions(python))
         }
+        Need::PythonTools => find_python().as_ref().map_err(Clone::clone).and_then(|python| python_tools(python)),
         Need::Root => root(),
         Need::Systemd => root().and_then(|()| systemd()),
         Need::Strace => run("strace", &["-o", "/dev/null", "true"]),
@@ -121,11 +130,7 @@ fn find_python() -> &'static Result<PathBuf, String> {
         };
         let versions =
             [("iceoryx2", ICEORYX2_PYTHON_VERSION), ("mcap", MCAP_PYTHON_VERSION), ("mujoco", MUJOCO_PYTHON_VERSION)];
-        let check = |(package, version)| {
-            format!("v = m.version('{package}'); assert v == '{version}', '{package} %s, not {version}' % v\n")
-        };
-        let checks: String = versions.map(check).concat();
-        let script = format!("import importlib.metadata as m, iceoryx2, mcap.reader, mujoco\n{checks}");
+        let script = format!("import iceoryx2, mcap.reader, mujoco\n{}", version_checks(&versions));
         let mut reasons = Vec::new();
         for candidate in candidates {
             match run(&candidate.to_string_lossy(), &["-c", &script]) {
@@ -144,6 +149,23 @@ fn robot_descriptions(python: &Path) -> Result<(), String> {
          ('{PINOCCHIO_PYTHON_VERSION}', '{ROBOT_DATA_PYTHON_VERSION}'), 'pin %s, example-robot-data %s' % v"
     );
     run(&python.to_string_lossy(), &["-c", &script])
+}
+
+/// Lines of Python that fail where a package has another version.
+fn version_checks(versions: &[(&str, &str)]) -> String {
+    let check = |(package, version): &(&str, &str)| {
+        format!("v = m.version('{package}'); assert v == '{version}', '{package} %s, not {version}' % v\n")
+    };
+    format!("import importlib.metadata as m\n{}", versions.iter().map(check).collect::<String>())
+}
+
+fn python_tools(python: &Path) -> Result<(), String> {
+    let versions = [
+        ("matplotlib", MATPLOTLIB_PYTHON_VERSION),
+        ("setuptools", SETUPTOOLS_PYTHON_VERSION),
+        ("mypy", MYPY_PYTHON_VERSION),
+    ];
+    run(&python.to_string_lossy(), &["-c", &version_checks(&versions)])
 }
 
 /// Where `.ci/run` keeps its Python.
