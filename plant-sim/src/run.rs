@@ -9,6 +9,9 @@ use crate::rigid_body::Overload;
 use crate::scenario::Scenario;
 use crate::setup::{self, SetupError};
 
+/// What a person is told of a run that met a singular pose.
+pub const SINGULAR: &str = "the arm met a pose at which its Jacobian has no inverse: change the scenario's motion";
+
 /// A plant, whatever its arm.
 pub trait AnyPlant {
     /// The state sample of the current instant.
@@ -184,6 +187,11 @@ impl VirtualRun {
     /// [`SetupError`].
     pub fn new(scenario: &Scenario) -> Result<Self, SetupError> {
         Ok(Self { plant: any_plant(scenario, VIRTUAL_START_NS, 1, false)? })
+    }
+
+    /// Whether the arm met a singular pose; its joints are then held there.
+    pub fn met_singularity(&self) -> bool {
+        self.plant.met_singularity()
     }
 
     /// Drives that cannot hold the arm where it starts.

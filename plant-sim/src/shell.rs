@@ -21,7 +21,7 @@ use ipc_types::{Publisher, TruthSample};
 use crate::args::{self, Args};
 use crate::egm;
 use crate::plant::{CycleTiming, Retreated};
-use crate::run::{AnyPlant, any_plant};
+use crate::run::{AnyPlant, SINGULAR, any_plant};
 use crate::scenario::Scenario;
 use crate::summary::Summary;
 
@@ -122,10 +122,7 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
             return Err((ExitCode::Internal, divergence.to_string()));
         }
         if plant.met_singularity() {
-            return Err((
-                ExitCode::Config,
-                "the arm met a pose at which its Jacobian has no inverse: change the scenario's motion".to_owned(),
-            ));
+            return Err((ExitCode::Config, SINGULAR.to_owned()));
         }
         if !plant.has_received() && monotonic_ns() > patience {
             let text = format!(

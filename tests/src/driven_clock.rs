@@ -33,6 +33,11 @@ impl DrivenClock {
         program.env("LD_PRELOAD", &self.library).env("DRIVEN_CLOCK", &self.file);
     }
 
+    /// What a program is to be preloaded with.
+    pub fn library(&self) -> &Path {
+        &self.library
+    }
+
     /// Eight bytes: the time in ns, or 0 while it goes by itself.
     pub fn file(&self) -> &Path {
         &self.file

@@ -17,11 +17,11 @@ pub mod mujoco;
 mod needs;
 pub mod page;
 mod private_ipc;
+pub mod python_package;
 pub mod session;
 mod stepped_clock;
 mod systemd;
 mod terminal;
-pub mod virtual_recording;
 
 pub use binaries::{Binaries, binaries};
 pub use child::{Child, PATIENCE, wait_until};

@@ -1,16 +1,15 @@
 //! The arm of a scenario in MuJoCo, under the real daemon: `python/mujoco_plant`, in lock step over
-//! shared memory. The daemon's clock is driven by the plant, so that no sample is late on a busy
+//! shared memory through the Python package. The daemon's clock is driven by the plant, so that no sample is late on a busy
 //! machine, and nothing here runs in real time.
 
 use std::path::Path;
-use std::process::Command;
 use std::time::Duration;
 
 use serde::Deserialize;
 
 use crate::driven_clock::DrivenClock;
-use crate::session::{daemon_command, output, start, with_keys, write};
-use crate::{Child, PATIENCE, PrivateIpc, binaries, python};
+use crate::session::{daemon_command, start, with_keys, write};
+use crate::{Child, PATIENCE, PrivateIpc, binaries, python_package};
 
 /// A run of some seconds takes some more of Python's.
 const RUN_PATIENCE: Duration = Duration::from_secs(600);
@@ -45,25 +44,28 @@ pub struct Sample {
 }
 
 /// Runs a scenario, whose start is a joint position, to the end of its motion; control is disabled by a
-/// request at `disable_at_s` of it. Needs [`crate::Need::Python`].
+/// request at `disable_at_s` of it. Needs [`crate::Need::Python`] and [`crate::Need::CToolchain`].
 ///
 /// # Panics
 /// When daemon or plant do not start or do not end well.
 pub fn run(config: &str, scenario: &str, disable_at_s: Option<f64>) -> Vec<Sample> {
     let ipc = PrivateIpc::new("mujoco");
-    let (code, schema) = output(Command::new(&binaries().admittancectl).args(["schema", "--json"]));
-    assert_eq!(code, Some(0), "{schema}");
-    let schema = write(&ipc, "schema.json", &schema);
     let clock = DrivenClock::new(&ipc);
-    let mut daemon = daemon_command(&ipc, &write(&ipc, "daemon.toml", &with_keys(config, &LOCK_STEP)));
+    let config = write(&ipc, "daemon.toml", &with_keys(config, &LOCK_STEP));
+    let mut daemon = daemon_command(&ipc, &config);
     clock.drive(&mut daemon);
     let mut daemon = start(&ipc, &mut daemon);
     let settings = ipc.settings();
-    let mut plant = Command::new(python().expect("needs(Python) found one"));
+    let mut plant = python_package::command(&ipc);
     plant.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("python/mujoco_plant"));
-    plant.arg(write(&ipc, "scenario.toml", scenario)).arg(schema).arg(&settings.root_path);
-    plant.args([&settings.prefix, settings.instance.as_str()]).arg(clock.file());
-    plant.args(disable_at_s.map(|at| at.to_string()));
+    plant.arg(write(&ipc, "scenario.toml", scenario)).arg(clock.file());
+    plant.arg("--root-path").arg(&settings.root_path);
+    plant.args(["--prefix", &settings.prefix, "--instance", settings.instance.as_str()]);
+    if let Some(at_s) = disable_at_s {
+        plant.args(["--disable-at-s", &at_s.to_string()]);
+        plant.arg("--program").arg(&binaries().admittancectl).arg("--config").arg(config);
+        plant.arg("--preload").arg(clock.library());
+    }
     let mut plant = Child::spawn(&mut plant);
     let status = plant.wait_for_exit(RUN_PATIENCE);
     assert!(status.success(), "{}\n{}", plant.report(), daemon.report());

@@ -15,6 +15,12 @@ pub const MUJOCO_PYTHON_VERSION: &str = "4.0.0";
 const PINOCCHIO_PYTHON_VERSION: &str = "4.1.0";
 /// The version of the descriptions that are imported.
 const ROBOT_DATA_PYTHON_VERSION: &str = "6.0.0";
+/// The version of what the notebook draws with.
+const MATPLOTLIB_PYTHON_VERSION: &str = "3.11.2";
+/// The version of what wheels are built by.
+const SETUPTOOLS_PYTHON_VERSION: &str = "84.2.1";
+/// The version of the type checker.
+const MYPY_PYTHON_VERSION: &str = "2.4.1";
 
 /// The version of the package that EGM messages are held to.
 const ABB_ROBOT_EGM_PYTHON_VERSION: &str = "1.0.7";
@@ -32,6 +38,8 @@ pub enum Need {
     RobotDescriptions,
     /// That Python with ABBRobotEGM, of the version that CI installs.
     AbbRobotEgm,
+    /// That Python with matplotlib, setuptools and mypy, of the versions that CI installs.
+    PythonTools,
     /// Effective user id 0.
     Root,
     /// systemd and the means (root, namespaces) to run one apart from the machine's own.
@@ -91,6 +99,7 @@ fn look_for(need: Need) -> Result<(), String> {
             find_python().as_ref().map_err(Clone::clone).and_then(|python| robot_descriptions(python))
         }
         Need::AbbRobotEgm => find_python().as_ref().map_err(Clone::clone).and_then(|python| abb_robot_egm(python)),
+        Need::PythonTools => find_python().as_ref().map_err(Clone::clone).and_then(|python| python_tools(python)),
         Need::Root => root(),
         Need::Systemd => root().and_then(|()| systemd()),
         Need::Strace => run("strace", &["-o", "/dev/null", "true"]),
@@ -127,11 +136,7 @@ fn find_python() -> &'static Result<PathBuf, String> {
         };
         let versions =
             [("iceoryx2", ICEORYX2_PYTHON_VERSION), ("mcap", MCAP_PYTHON_VERSION), ("mujoco", MUJOCO_PYTHON_VERSION)];
-        let check = |(package, version)| {
-            format!("v = m.version('{package}'); assert v == '{version}', '{package} %s, not {version}' % v\n")
-        };
-        let checks: String = versions.map(check).concat();
-        let script = format!("import importlib.metadata as m, iceoryx2, mcap.reader, mujoco\n{checks}");
+        let script = format!("import iceoryx2, mcap.reader, mujoco\n{}", version_checks(&versions));
         let mut reasons = Vec::new();
         for candidate in candidates {
             match run(&candidate.to_string_lossy(), &["-c", &script]) {
@@ -153,11 +158,25 @@ fn robot_descriptions(python: &Path) -> Result<(), String> {
 }
 
 fn abb_robot_egm(python: &Path) -> Result<(), String> {
-    let script = format!(
-        "import importlib.metadata as m, ABBRobotEGM; v = m.version('ABBRobotEGM'); assert v == '{ABB_ROBOT_EGM_PYTHON_VERSION}', \
-         'ABBRobotEGM %s' % v"
-    );
-    run(&python.to_string_lossy(), &["-c", &script])
+    let versions = [("ABBRobotEGM", ABB_ROBOT_EGM_PYTHON_VERSION)];
+    run(&python.to_string_lossy(), &["-c", &(version_checks(&versions) + "import ABBRobotEGM\n")])
+}
+
+/// Lines of Python that fail where a package has another version.
+fn version_checks(versions: &[(&str, &str)]) -> String {
+    let check = |(package, version): &(&str, &str)| {
+        format!("v = m.version('{package}'); assert v == '{version}', '{package} %s, not {version}' % v\n")
+    };
+    format!("import importlib.metadata as m\n{}", versions.iter().map(check).collect::<String>())
+}
+
+fn python_tools(python: &Path) -> Result<(), String> {
+    let versions = [
+        ("matplotlib", MATPLOTLIB_PYTHON_VERSION),
+        ("setuptools", SETUPTOOLS_PYTHON_VERSION),
+        ("mypy", MYPY_PYTHON_VERSION),
+    ];
+    run(&python.to_string_lossy(), &["-c", &version_checks(&versions)])
 }
 
 /// Where `.ci/run` keeps its Python.

@@ -6,10 +6,10 @@ use std::process::Command;
 use admittance_host::config::parse;
 use admittance_host::robot_description::VelocityLoopDescription;
 use admittance_runner::config::Config;
+use admittancectl::virtual_recording;
 use end_to_end::binaries;
 use end_to_end::closed_loop::Experiment;
 use end_to_end::session::{output, with_keys};
-use end_to_end::virtual_recording::record;
 use plant_sim::scenario::Scenario;
 use serde_json::Value;
 
@@ -38,6 +38,12 @@ fn experiment(config: &str, scenario: &str) -> Experiment {
     let config: Config = parse(config, "controller.toml").expect("the config is valid");
     let scenario: Scenario = parse(scenario, "scenario.toml").expect("the scenario is valid");
     Experiment { config, scenario }
+}
+
+/// Runs to the end of the motion, and records it; `text` is the configuration that the recording has.
+fn record(experiment: &Experiment, text: &str, file: &Path) {
+    let output = std::io::BufWriter::new(std::fs::File::create(file).expect("a file"));
+    virtual_recording::record(&experiment.config, text, &experiment.scenario, output).expect("it runs");
 }
 
 fn identify(words: &[&str], files: &[&Path]) -> Value {

@@ -137,7 +137,7 @@ impl Found {
 
 #[test]
 fn free_motion_touch_slide_and_a_stop_that_a_person_orders() {
-    if !needs(Need::Python) {
+    if !needs(Need::Python) || !needs(Need::CToolchain) {
         return;
     }
     let keys = [("surface.friction", "0.2"), ("surface.damping_n_s_m", "50.0")];
@@ -157,7 +157,7 @@ fn free_motion_touch_slide_and_a_stop_that_a_person_orders() {
 
 #[test]
 fn a_stop_that_the_impact_asks_for() {
-    if !needs(Need::Python) {
+    if !needs(Need::Python) || !needs(Need::CToolchain) {
         return;
     }
     for (speed, least) in [(0.2, 120.0), (0.4, 250.0)] {
@@ -170,7 +170,7 @@ fn a_stop_that_the_impact_asks_for() {
 
 #[test]
 fn gears_that_do_not_give() {
-    if !needs(Need::Python) {
+    if !needs(Need::Python) || !needs(Need::CToolchain) {
         return;
     }
     let found = Judged::at(0.1, &[]).with_stiff_gears().run();
@@ -181,7 +181,7 @@ fn gears_that_do_not_give() {
 
 #[test]
 fn the_wrench_from_motor_torques_is_that_of_the_other_engine() {
-    if !needs(Need::Python) {
+    if !needs(Need::Python) || !needs(Need::CToolchain) {
         return;
     }
     // What is wrong by 30 % is in f̂ for as long as it lasts: there the band counts.

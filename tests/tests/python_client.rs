@@ -1,33 +1,13 @@
-//! The Python package: a controller in Python beside the real daemon, and a recording as arrays.
+//! The Python package: a controller in Python beside the real daemon, a recording as arrays, and runs in virtual
+//! time.
 
 use std::path::Path;
-use std::process::Command;
 
-use end_to_end::c_controller::installed;
-use end_to_end::session::{MPC_PAPER, PATIENT, output, start_daemon, with_keys, write};
-use end_to_end::{Need, PATIENCE, PrivateIpc, needs, python, undisturbed};
-
-const PACKAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../edges/python/admittance");
-
-/// Runs a script with the package as a wheel would have it: with the library beside it.
-fn run(ipc: &PrivateIpc, script: &str, arguments: &[&str]) -> String {
-    let packages = ipc.directory().join("packages");
-    let package = packages.join("admittance");
-    std::fs::create_dir_all(&package).expect("a directory");
-    for entry in std::fs::read_dir(PACKAGE).expect("the package is there") {
-        let path = entry.expect("it can be listed").path();
-        if path.is_file() {
-            std::fs::copy(&path, package.join(path.file_name().expect("a file"))).expect("copied");
-        }
-    }
-    let library = installed().join("lib/libadmittance_client.so");
-    std::fs::copy(library, package.join("libadmittance_client.so")).expect("copied");
-    let mut command = Command::new(python().expect("needs(Python) found one"));
-    command.env("PYTHONPATH", &packages).arg("-c").arg(script).args(arguments);
-    let (code, text) = output(&mut command);
-    assert_eq!(code, Some(0), "{text}");
-    text
-}
+use admittance_host::config::parse;
+use end_to_end::closed_loop::{Experiment, MPC_DEFAULT};
+use end_to_end::python_package::run;
+use end_to_end::session::{MPC_PAPER, PAPER_SCENARIO, PATIENT, start_daemon, with_keys, write};
+use end_to_end::{Need, PATIENCE, PrivateIpc, binaries, needs, undisturbed};
 
 #[test]
 fn a_controller_in_python_is_answered_and_holds_when_its_daemon_ends() {
@@ -48,6 +28,11 @@ with admittance.Client(root_path=root_path, prefix=prefix, instance=instance, jo
                        command_delay_s=0.001, velocity_offset_limit=[1.0] * 6,
                        joint_velocity_offset_limit=[6.0, 6.0]) as client:
     assert client.newest() is None
+    try:
+        admittance.StateSample().wrench_vald = 1
+        raise SystemExit("a field that is none was set")
+    except AttributeError as error:
+        assert "wrench_vald" in str(error), error
     stamp = time.monotonic_ns() + 4_000_000
     for cycle in range(100):
         time.sleep(max(0, stamp - time.monotonic_ns()) * 1e-9)
@@ -125,4 +110,57 @@ except AttributeError as error:
 print(len(messages), "samples")
 "#;
     println!("{}", run(&ipc, script, &[&file.to_string_lossy()]));
+}
+
+#[test]
+fn a_simulation_from_python_is_virtual_time_to_the_bit() {
+    if !needs(Need::Python) || !needs(Need::CToolchain) {
+        return;
+    }
+    let ipc = PrivateIpc::new("planar");
+    let [config, scenario] = [("daemon.toml", MPC_DEFAULT), ("scenario.toml", PAPER_SCENARIO)]
+        .map(|(name, text)| write(&ipc, name, text).to_string_lossy().into_owned());
+    let experiment = Experiment {
+        config: parse(MPC_DEFAULT, "daemon.toml").expect("shipped"),
+        scenario: parse(PAPER_SCENARIO, "scenario.toml").expect("shipped"),
+    };
+    let instants = experiment.run().instants;
+    let expected = serde_json::json!({
+        "wrench": instants.iter().map(|at| at.state.wrench).collect::<Vec<_>>(),
+        "velocity_offset": instants.iter().map(|at| at.command.velocity_offset).collect::<Vec<_>>(),
+        "peak": instants.iter().map(|at| at.truth.peak_normal_force_n).collect::<Vec<_>>(),
+    });
+    let expected = write(&ipc, "expected.json", &expected.to_string()).to_string_lossy().into_owned();
+    let script = r#"
+import json, pathlib, sys
+import numpy as np
+import admittance
+
+config, scenario, program, expected = sys.argv[1:]
+expected = json.loads(pathlib.Path(expected).read_text())
+out = pathlib.Path(config).with_name("kept.mcap")
+runs = [admittance.simulate(config, scenario, program=program), admittance.simulate(config, scenario, program=program, out=out)]
+for run in runs:
+    for key, found in (("wrench", run.wrench), ("velocity_offset", run.velocity_offset), ("peak", run.truth.peak_normal_force_n)):
+        assert found.tobytes() == np.array(expected[key], float).tobytes(), key
+    assert {"Free", "Contact"} <= set(run.command.mode) and "[contact]" in run.configuration
+assert np.array_equal(admittance.Recording(out).wrench, runs[0].wrench)
+for failing, code, words in (
+    ((config, "none.toml"), 66, "none.toml"),
+    ((scenario, scenario), 78, "scenario.toml"),
+):
+    try:
+        admittance.simulate(*failing, program=program)
+        raise SystemExit(f"{failing} was simulated")
+    except admittance.SimulationFailed as failure:
+        assert failure.code == code and words in str(failure), failure
+try:
+    admittance.simulate(config, scenario, program="no-such-program")
+    raise SystemExit("a program that is none was found")
+except FileNotFoundError as error:
+    assert "no-such-program" in str(error) and "cargo build" in str(error), error
+print(len(runs[0].wrench), "samples, peak", max(expected["peak"]), "N")
+"#;
+    let program = binaries().admittancectl.to_string_lossy();
+    println!("{}", run(&ipc, script, &[&config, &scenario, &program, &expected]));
 }

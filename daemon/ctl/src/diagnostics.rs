@@ -68,9 +68,9 @@ pub(crate) fn axes_text(values: &[f64; TASK_AXES]) -> String {
 }
 
 /// "Stopped (Infeasible)".
-pub(crate) fn mode_text(sample: &DiagnosticsSample) -> String {
-    let mode = Mode::name_of(sample.mode);
-    match sample.stop_reason {
+pub(crate) fn mode_text(mode: u32, stop_reason: u32) -> String {
+    let mode = Mode::name_of(mode);
+    match stop_reason {
         StopReason::NONE => mode.to_owned(),
         code => format!("{mode} ({})", StopReason::name_of(code)),
     }

@@ -29,9 +29,11 @@ pub mod request;
 pub mod roles;
 mod schema;
 pub mod session;
+mod simulate;
 pub mod target;
 mod top;
 pub mod validate;
+pub mod virtual_recording;
 
 use std::process::ExitCode;
 
@@ -72,6 +74,8 @@ enum Command {
     Status(request::StatusArgs),
     /// Watch a running daemon in the terminal.
     Top(top::Args),
+    /// Record what a daemon would do to the plant of a scenario, in virtual time; nothing is started.
+    Simulate(simulate::Args),
     /// Record what a running daemon is given and what it answers.
     Record(record::Args),
     /// Run the law over a recording again and compare every answer, bit by bit.
@@ -148,6 +152,7 @@ fn run(command: Command) -> Outcome<Exit> {
         Command::Import(args) => import::run(&args),
         Command::Status(args) => request::status(&args),
         Command::Top(args) => top::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Report(args) => report::run(&args),

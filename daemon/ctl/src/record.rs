@@ -1,8 +1,7 @@
 //! `admittancectl record`: the daemon's records into a file. It only listens: neither a slow disk
 //! nor a full one reaches the daemon.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{BufWriter, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,7 +14,7 @@ use mcap::McapError;
 use time::OffsetDateTime;
 
 use crate::Exit;
-use crate::recording::RecordingWriter;
+use crate::recording::{RecordingWriter, cause, create};
 use crate::target::Target;
 
 /// Time between two reads: far below what the service's buffer holds.
@@ -109,28 +108,9 @@ fn default_path(state_directory: &Path, instance: &str, now: OffsetDateTime) -> 
     if is_own { state_directory.join(name) } else { PathBuf::from(name) }
 }
 
-fn create(path: &Path, overwrite: bool) -> Result<File, (Exit, String)> {
-    let file = if overwrite { File::create(path) } else { File::create_new(path) };
-    file.map_err(|error| {
-        let hint = match error.kind() {
-            io::ErrorKind::AlreadyExists => ": choose another name, or give --overwrite",
-            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-                ": choose a place that this user may write to; without FILE the service's user writes to \
-                 /var/lib/admittanced"
-            }
-            _ => "",
-        };
-        (Exit::CantCreate, format!("{}: {error}{hint}", path.display()))
-    })
-}
-
 /// What went wrong, and what is left.
 fn failure(path: &Path, error: McapError) -> String {
-    let cause = match error {
-        McapError::Io(cause) => cause.to_string(),
-        other => other.to_string(),
-    };
-    format!("{}: {cause}; what was written until a second before is readable", path.display())
+    format!("{}: {}; what was written until a second before is readable", path.display(), cause(error))
 }
 
 struct Recorder<W: Write> {

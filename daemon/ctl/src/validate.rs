@@ -70,7 +70,8 @@ fn files_in(directory: &Path) -> Result<Vec<PathBuf>, (Exit, String)> {
     Ok(files)
 }
 
-fn shown(path: &Path) -> String {
+/// A path as messages have it.
+pub(crate) fn shown(path: &Path) -> String {
     config::escaped(&path.to_string_lossy())
 }
 
@@ -113,7 +114,7 @@ pub fn load(file: &Path) -> Result<Config, (Exit, String)> {
 }
 
 /// The scenario of a file, which plant-sim can set up: what it would check beyond the keys when it starts.
-fn scenario(file: &Path) -> Result<Scenario, (Exit, String)> {
+pub(crate) fn scenario(file: &Path) -> Result<Scenario, (Exit, String)> {
     let scenario: Scenario = config::load(file).map_err(|error| (code(&error), error.to_string()))?;
     VirtualRun::new(&scenario).map_err(|why| (Exit::Config, format!("{}: {why}", shown(file))))?;
     Ok(scenario)

@@ -35,6 +35,11 @@ impl<P: VirtualPlant> VirtualTime<P> {
         Self { cycle, plant, command: CommandSample::zeroed() }
     }
 
+    /// The plant.
+    pub fn plant(&self) -> &P {
+        &self.plant
+    }
+
     /// The sample that the next step answers; `None` at the end.
     ///
     /// # Errors

@@ -7,7 +7,8 @@ x y z rx ry rz at the TCP in the robot's base frame; a wrench is what the robot 
 from .client import Client, Counts, Failure, Instruction
 from .recording import Recording, Topic
 from .requests import RequestFailed, request, status
-from .wire import CommandSample, StateSample
+from .simulation import SimulationFailed, simulate
+from .wire import CommandSample, StateSample, codes
 
 __all__ = [
     "Client",
@@ -17,8 +18,11 @@ __all__ = [
     "Instruction",
     "Recording",
     "RequestFailed",
+    "SimulationFailed",
     "StateSample",
     "Topic",
+    "codes",
     "request",
+    "simulate",
     "status",
 ]

@@ -1,4 +1,4 @@
-"""Recordings of `admittancectl record` as numpy arrays."""
+"""Recordings of `admittancectl record` and `simulate` as numpy arrays."""
 
 import json
 import os
@@ -46,7 +46,7 @@ class Topic:
 
 
 class Recording:
-    """A file of `admittancectl record`: `Recording("x.mcap").wrench`.
+    """A file of `admittancectl record` or `simulate`: `Recording("x.mcap").wrench`.
 
     `state`, `command`, `cycle` and `truth` (what only plant-sim knows) are its topics; those without samples are empty.
     """

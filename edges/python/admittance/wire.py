@@ -20,7 +20,8 @@ def _structure(name: str) -> type[ctypes.Structure]:
         fields.append((field["name"], kind))
     meanings = (f"{field['name']}: {field['meaning']} Unit: {field['unit']}." for field in declared["fields"])
     text = "\n".join([declared["meaning"], "", *meanings])
-    made = type(name, (ctypes.Structure,), {"_fields_": fields, "__doc__": text})
+    # With slots a name that is misspelt is an error, and not a field that stays zero.
+    made = type(name, (ctypes.Structure,), {"_fields_": fields, "__doc__": text, "__slots__": ()})
     wrong = [field["name"] for field in declared["fields"] if getattr(made, field["name"]).offset != field["offset"]]
     if wrong or ctypes.sizeof(made) != declared["size"]:
         raise ImportError(f"{name}: this Python lays out {wrong or 'it'} otherwise than the schema")

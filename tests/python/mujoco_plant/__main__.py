@@ -1,37 +1,32 @@
 """An arm with masses in MuJoCo, in the place of plant-sim: the daemon answers it over shared memory, in lock step.
 
-    mujoco_plant SCENARIO.toml SCHEMA.json ROOT_PATH PREFIX INSTANCE CLOCK [DISABLE_AT_S]
+    mujoco_plant SCENARIO.toml CLOCK --root-path PATH --prefix PREFIX --instance NAME [--disable-at-s S --program FILE
+        --config FILE --preload FILE]
 
 CLOCK is the file of the daemon's clock (driven_clock.c), which this plant sets: no sample is late, however long the step
-before it has taken. At DISABLE_AT_S of the motion a person disables control. Prints one JSON object per sample: what was
-true, the state sample, and what the daemon answered.
+before it has taken. At S of the motion a person disables control, by the program, which runs by the same clock when FILE is
+preloaded. Prints one JSON object per sample: what was true, the state sample, and what the daemon answered.
 """
 
+import argparse
 import json
-import pathlib
+import math
+import os
 import sys
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "ipc-types/python"))
-
-import iceoryx2 as iox2
-from foreign_client import CONNECT_TIMEOUT_S, Contract, MotionController, load_schema, make_node
+import admittance
 
 from driven_clock import DrivenClock
 from plant import Plant
-from request import ask
 from scenario import Scenario
 
 # Of the arm in a tick of the drives, where plant-sim does one or two.
 STEPS = 4
 # The daemon takes microseconds; a busy machine may not.
 ANSWER_TIMEOUT_S = 30.0
-
-
-def code(contract, enum, name):
-    """The code of a name."""
-    return next(code for code, found in contract.enums[enum].items() if found == name)
+# Between two looks for an answer.
+LOOK_S = 50e-6
 
 
 def plain(value):
@@ -39,39 +34,68 @@ def plain(value):
     return list(value) if hasattr(value, "__len__") else value
 
 
-def main(scenario_path, schema_path, root_path, prefix, instance, clock_path, disable_at_s="inf"):
-    """The command line."""
-    iox2.set_log_level(iox2.LogLevel.Error)
-    contract = Contract(load_schema(schema_path))
-    scenario = Scenario(scenario_path)
-    node = make_node(root_path, prefix, "mujoco_plant")
-    controller = MotionController(contract, node, instance)
-    if not controller.wait_for_daemon(CONNECT_TIMEOUT_S):
-        sys.exit("mujoco_plant: nobody subscribed to state samples")
-    clock = DrivenClock(clock_path)
-    plant = Plant(scenario, clock.now.value, STEPS, code(contract, "Motion", "Hold"))
-    disable_at = round(float(disable_at_s) * 1e9 / scenario.sampling_ns) if disable_at_s != "inf" else None
-    while not plant.is_finished():
-        clock.set(plant.now_ns)
-        if plant.index == disable_at:
-            deadline_ns = plant.now_ns + scenario.sampling_ns
-            ask(contract, node, instance, code(contract, "RequestKind", "Disable"), deadline_ns)
-        sample = controller.next_sample(plant.arm.joint_position())
-        plant.measure(sample)
-        controller.publish(sample)
-        command = controller.wait_for_answer(sample.sequence, time.monotonic() + ANSWER_TIMEOUT_S)
-        if command is None:
-            sys.exit(f"mujoco_plant: sample {sample.sequence} was not answered within {ANSWER_TIMEOUT_S} s")
-        plant.playback.receive(command)
-        truth = plant.truth()
-        for key, enum in (("mode", "Mode"), ("stop_reason", "StopReason"), ("source", None), ("fallback_count", None)):
-            value = getattr(command, key)
-            truth[key] = contract.enum_name(enum, value) if enum else value
-        truth["state"] = {name: plain(getattr(sample, name)) for name, *_ in sample._fields_}
-        print(json.dumps(truth))
-        plant.integrate()
-    clock.release()
+def wait_for_answer(client, sample):
+    """The command that answers a state sample."""
+    end = time.monotonic() + ANSWER_TIMEOUT_S
+    while time.monotonic() < end:
+        if client.receive(sample.stamp_ns):
+            command = client.newest()
+            if command.state_sequence == sample.sequence:
+                return command
+        else:
+            time.sleep(LOOK_S)
+    sys.exit(f"mujoco_plant: sample {sample.sequence} was not answered within {ANSWER_TIMEOUT_S} s")
+
+
+def disable(given):
+    """As a person does: the program runs by the daemon's clock, or what it asks would be overdue."""
+    os.environ.update(LD_PRELOAD=given.preload, DRIVEN_CLOCK=given.clock)
+    place = ("--instance", given.instance, "--root-path", given.root_path, "--prefix", given.prefix)
+    admittance.request("disable", *place, config=given.config, program=given.program)
+
+
+def main(given):
+    """Runs the scenario to the end of its motion."""
+    scenario = Scenario(given.scenario)
+    modes, reasons = admittance.codes("Mode"), admittance.codes("StopReason")
+    with admittance.Client(
+        root_path=given.root_path,
+        prefix=given.prefix,
+        instance=given.instance,
+        joint_count=scenario.joints,
+        sampling_time_s=scenario.sampling_ns / 1e9,
+        command_delay_s=scenario.delay_ns / 1e9,
+        velocity_offset_limit=[math.inf] * 6,
+        joint_velocity_offset_limit=[math.inf] * scenario.joints,
+        name="mujoco_plant",
+    ) as client:
+        clock = DrivenClock(given.clock)
+        plant = Plant(scenario, clock.now.value, STEPS, client)
+        while not plant.is_finished():
+            clock.set(plant.now_ns)
+            if given.disable_at_s is not None and plant.index == round(given.disable_at_s * 1e9 / scenario.sampling_ns):
+                disable(given)
+            sample = client.begin(plant.now_ns)
+            plant.measure(sample)
+            client.publish(sample)
+            command = wait_for_answer(client, sample)
+            plant.playback.receive(command)
+            truth = plant.truth()
+            truth["mode"], truth["stop_reason"] = modes[command.mode], reasons[command.stop_reason]
+            truth["source"], truth["fallback_count"] = command.source, command.fallback_count
+            truth["state"] = {name: plain(getattr(sample, name)) for name, *_ in sample._fields_}
+            print(json.dumps(truth))
+            plant.integrate()
+        clock.release()
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(prog="mujoco_plant")
+    parser.add_argument("scenario")
+    parser.add_argument("clock")
+    for name in ("--root-path", "--prefix", "--instance"):
+        parser.add_argument(name, required=True)
+    for name in ("--program", "--config", "--preload"):
+        parser.add_argument(name)
+    parser.add_argument("--disable-at-s", type=float)
+    main(parser.parse_args())

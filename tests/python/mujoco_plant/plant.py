@@ -1,5 +1,6 @@
 """The plant from sample to sample: commands, drives, arm and wrench estimate. It has no clock."""
 
+import admittance
 import mujoco
 import numpy as np
 
@@ -8,11 +9,16 @@ from drives import Drives
 from playback import Playback
 
 
-class Plant:
-    """At its first sample. `steps` of the arm make a tick of its drives."""
+class Disagreement(Exception):
+    """The client and this plant's own reading of the rules differ."""
 
-    def __init__(self, scenario, first_ns, steps, hold):
+
+class Plant:
+    """At its first sample. `steps` of the arm make a tick of its drives; `client` says what its joints are to follow."""
+
+    def __init__(self, scenario, first_ns, steps, client):
         self.scenario = scenario
+        self.client = client
         self.axes = scenario.robot["task_axes"]
         self.drives = Drives(scenario, scenario.start)
         if scenario.sampling_ns % self.drives.period_ns != 0:
@@ -22,6 +28,7 @@ class Plant:
         self.arm = Arm(scenario, step_s, self.drives.start)
         # A frame of its own for the commanded positions.
         self.frame = mujoco.MjData(self.arm.model)
+        hold = next(code for code, name in admittance.codes("Motion").items() if name == "Hold")
         self.playback = Playback(scenario.delay_ns, self.axes, hold)
         self.now_ns = first_ns
         self.index = -scenario.waiting
@@ -33,11 +40,10 @@ class Plant:
         self.peak = self.arm.normal_force
 
     def measure(self, sample):
-        """What the sensors show, into a state sample."""
-        sample.stamp_ns = self.now_ns
-        sample.applied_command_sequence = self.playback.applied_sequence()
-        sample.plays_plan = 1
-        sample.torque_valid = 1
+        """What the sensors show, into a state sample that the client has begun."""
+        if sample.applied_command_sequence != self.playback.applied_sequence():
+            raise Disagreement(f"{sample.applied_command_sequence} is in force, not {self.playback.applied_sequence()}")
+        sample.wrench_valid = sample.drives_enabled = sample.torque_valid = 1
         for field, values in (
             (sample.joint_position, self.drives.quantised(self.arm.motor_position())),
             (sample.joint_velocity, self.drives.velocity),
@@ -70,17 +76,16 @@ class Plant:
         twist = self.scenario.twist(self.index)
         acting = None
         for _ in range(self.scenario.sampling_ns // self.drives.period_ns):
-            self.playback.apply(self.now_ns)
-            step = self.playback.step(self.now_ns)
+            step, offset = self.told()
             if acting != (self.playback.applied_sequence(), step):
                 acting = (self.playback.applied_sequence(), step)
-                reference = self.reference(twist, step)
+                reference = self.reference(twist, offset)
             self.torque = self.drives.tick(self.arm.motor_position(), reference)
             for _ in range(self.steps):
                 self.arm.step(self.torque)
                 self.look()
             self.now_ns += self.drives.period_ns
-        self.playback.apply(self.now_ns)
+        self.told()
         self.position_reference = self.advanced(self.position_reference, twist, self.scenario.sampling_ns / 1e9)
         self.index += 1
 
@@ -92,11 +97,23 @@ class Plant:
         self.estimate += (0.5 * (pressing + self.pressing) - self.estimate) * self.estimate_share
         self.pressing = pressing
 
-    def reference(self, twist, step):
-        """The velocity reference of the joints in rad/s; none moves in a step of None."""
-        if step is None:
+    def told(self):
+        """The step of the plan in force, and what the joints are to follow: None when they hold, else the velocity offset in
+        m/s and rad/s."""
+        instruction = self.client.apply(self.now_ns)
+        told = None if instruction.hold else instruction.velocity_offset[: self.axes]
+        self.playback.apply(self.now_ns)
+        step = self.playback.step(self.now_ns)
+        expected = self.playback.offset(step)
+        if told != expected:
+            raise Disagreement(f"at {self.now_ns} ns the client says {told}, the rules say {expected}")
+        return step, told
+
+    def reference(self, twist, offset):
+        """The velocity reference of the joints in rad/s; none moves without an offset."""
+        if offset is None:
             return np.zeros(self.scenario.joints)
-        return np.linalg.solve(self.arm.jacobian(self.axes), twist + self.playback.offset(step))
+        return np.linalg.solve(self.arm.jacobian(self.axes), twist + np.array(offset))
 
     def advanced(self, position, twist, duration_s):
         """Where the commanded velocity alone leads the joints (rad), by a step of the classic Runge-Kutta method."""

@@ -1,6 +1,5 @@
-"""When a command acts: the one that answers the sample stamped t acts at t plus the command delay."""
-
-import numpy as np
+"""The rules of docs/wire.md a second time, without the client's code, to hold the client to: a command that answers the
+sample stamped t acts at t plus the command delay, and its plan is played by elapsed time."""
 
 
 class Playback:
@@ -38,8 +37,10 @@ class Playback:
         return min(ended, max(0, command.plan_length - 1))
 
     def offset(self, step):
-        """The velocity offset in m/s and rad/s in a step of that plan."""
+        """The velocity offset in m/s and rad/s in a step of that plan; None when the joints are to hold."""
+        if step is None:
+            return None
         if self.in_force is None:
-            return np.zeros(self.axes)
+            return (0.0,) * self.axes
         command = self.in_force[1]
-        return np.array((command.planned_offset[step] if step else command.velocity_offset)[: self.axes])
+        return tuple((command.planned_offset[step] if step else command.velocity_offset)[: self.axes])

@@ -11,6 +11,7 @@
 
 mod chunk;
 mod fields;
+mod file;
 mod reader;
 mod scan;
 mod source;
@@ -20,6 +21,7 @@ mod writer;
 
 use std::collections::BTreeMap;
 
+pub(crate) use file::{cause, create};
 pub use reader::{Item, Items, Recording};
 pub use scan::Damage;
 pub(crate) use source::Source;

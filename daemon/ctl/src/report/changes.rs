@@ -6,6 +6,7 @@ use ipc_types::{Mode, RecordKind, RecordSample, StopReason, Verdict};
 
 use super::page::table_row;
 use super::timeline::{Band, spans, svg};
+use crate::diagnostics::mode_text;
 
 /// Rows of the table that are shown.
 const ROWS: usize = 100;
@@ -57,7 +58,8 @@ impl Changes {
 
     /// Modes and verdicts up to `end_s`, the first band with this heading.
     pub(super) fn bands(&self, heading: Option<String>, end_s: f64) -> [Band; 2] {
-        let modes = self.0.iter().map(|said| (said.time_s, mode_text(said), mode_color(said.mode)));
+        let modes =
+            self.0.iter().map(|said| (said.time_s, mode_text(said.mode, said.stop_reason), mode_color(said.mode)));
         let verdicts = self.0.iter().map(|said| {
             let (name, color) = verdict_look(said.verdict);
             (said.time_s, name.to_owned(), color)
@@ -93,14 +95,6 @@ impl Changes {
     /// When the last one was, in s.
     pub(crate) fn end_s(&self) -> Option<f64> {
         self.0.last().map(|said| said.time_s)
-    }
-}
-
-fn mode_text(said: &Said) -> String {
-    let mode = Mode::name_of(said.mode);
-    match said.stop_reason {
-        StopReason::NONE => mode.to_owned(),
-        reason => format!("{mode} ({})", StopReason::name_of(reason)),
     }
 }
 

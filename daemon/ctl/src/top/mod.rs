@@ -47,7 +47,7 @@ pub(crate) struct Watched {
 
 impl Watched {
     fn new(instance: String, sample: DiagnosticsSample) -> Self {
-        let changes = vec![(sample.uptime_ns, mode_text(&sample))];
+        let changes = vec![(sample.uptime_ns, mode_text(sample.mode, sample.stop_reason))];
         Self { instance, sample, heard: Instant::now(), changes }
     }
 
@@ -55,7 +55,7 @@ impl Watched {
         if sample.boot_id != self.sample.boot_id {
             self.changes.push((sample.uptime_ns, "admittanced has restarted".to_owned()));
         }
-        let mode = mode_text(sample);
+        let mode = mode_text(sample.mode, sample.stop_reason);
         if self.changes.last().is_none_or(|(_, last)| *last != mode) {
             self.changes.push((sample.uptime_ns, mode));
         }

@@ -49,7 +49,7 @@ impl View<'_> {
     fn head(&self, area: Rect, buffer: &mut Buffer) {
         let sample = &self.0.sample;
         let bold = Style::new().add_modifier(Modifier::BOLD);
-        let mode = Span::styled(mode_text(sample), bold.fg(mode_color(sample)));
+        let mode = Span::styled(mode_text(sample.mode, sample.stop_reason), bold.fg(mode_color(sample)));
         let first = Line::from(vec![
             Span::styled(format!("admittanced/{}  ", self.0.instance), bold),
             mode,

@@ -3,13 +3,13 @@
 use admittance_host::robot_description::VelocityLoopDescription;
 use admittance_runner::config::GivenInName;
 use admittance_runner::cycle;
-use admittance_runner::virtual_time::VirtualTime;
 use ipc_types::{MAX_JOINTS, StateSample};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::{Scenario, SensorSection};
 
 use super::*;
 use crate::recording::PRESENT_RECORD_VERSION;
+use crate::virtual_recording::VirtualRecords;
 
 const CONFIG: &str = include_str!("../../../../../deploy/demo/mpc-default.toml");
 const SCENARIO: &str = include_str!("../../../../../plant-sim/scenarios/paper.toml");
@@ -31,27 +31,9 @@ fn records(is_over: fn(u64, u64) -> bool) -> Vec<RecordSample> {
 /// The same of another configuration and plant.
 fn records_of(config: &Config, scenario: &Scenario, is_over: fn(u64, u64) -> bool) -> Vec<RecordSample> {
     let plant = VirtualRun::new(scenario).expect("the scenario can be set up");
-    let mut run = VirtualTime::new(cycle::build(config).expect("a known arm"), plant);
-    let mut records = Vec::new();
-    loop {
-        let sequence = records.len() as u64 + 1;
-        let Some(step) = run.step_in_time(|asked| is_over(sequence, asked)).expect("no faults in this scenario") else {
-            return records;
-        };
-        let mut record = RecordSample {
-            sequence,
-            now_ns: step.state.stamp_ns,
-            boot_id: 7,
-            expired_at: step.expired_at,
-            kind: RecordKind::Sample.code(),
-            state: step.state,
-            command: CommandSample { boot_id: 7, ..step.command },
-            ..RecordSample::zeroed()
-        };
-        step.report.write(&mut record);
-        run.cycle.write(&mut record);
-        records.push(record);
-    }
+    let mut run = VirtualRecords::new(cycle::build(config).expect("a known arm"), plant);
+    let next = || run.next(is_over).expect("no faults in this scenario").map(|(record, _)| record);
+    std::iter::from_fn(next).collect()
 }
 
 /// Replays records until one differs; the sequence of that one, and how many were compared.
