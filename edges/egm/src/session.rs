@@ -256,17 +256,16 @@ mod tests {
     #[test]
     fn one_message_with_a_changed_reference_leads_nowhere() {
         let mut session = begun();
-        for cycle in LISTENED + 2..LISTENED + 6 {
-            let (mut stands, arrival_ns) = reading(cycle);
-            stands.reference = [0.0; MAX_JOINTS];
-            stands.reference[2] = if cycle == LISTENED + 4 { 0.01 } else { 0.0 };
-            stands.reference[..2].copy_from_slice(&reading(cycle).0.reference[..2]);
-            let measured = session.take(&stands, arrival_ns);
-            if cycle > LISTENED + 2 {
-                let measured = measured.expect("sound").expect("a sample");
-                assert_eq!(measured.reference_velocity[2], 0.0, "cycle {cycle}");
-                assert!(measured.reference_velocity[0] > 0.5, "the others go on: {measured:?}");
+        let led = 0.2_f64.to_radians() / 0.004;
+        for cycle in LISTENED + 2..LISTENED + 8 {
+            let (mut changed, arrival_ns) = reading(cycle);
+            if cycle == LISTENED + 4 {
+                changed.reference[2] += 0.01;
             }
+            let measured = session.take(&changed, arrival_ns).expect("sound").expect("a sample");
+            let speeds = measured.reference_velocity;
+            assert!((0.0..led + 1e-9).contains(&speeds[2]), "cycle {cycle}: {speeds:?}, led at {led}");
+            assert!((speeds[0] - led).abs() < 1e-9, "the others go on: {speeds:?}");
         }
     }
 
