@@ -48,6 +48,8 @@ pub enum Need {
     Strace,
     /// gcc, g++, pkg-config and nm.
     CToolchain,
+    /// dpkg, binutils and lintian.
+    Packages,
 }
 
 /// Whether the machine has what a test needs. If not, says `SKIPPED: reason`, and the test returns:
@@ -103,6 +105,9 @@ fn look_for(need: Need) -> Result<(), String> {
         Need::Root => root(),
         Need::Systemd => root().and_then(|()| systemd()),
         Need::Strace => run("strace", &["-o", "/dev/null", "true"]),
+        Need::Packages => {
+            ["dpkg-deb", "strip", "objdump", "lintian"].iter().try_for_each(|program| run(program, &["--version"]))
+        }
         Need::CToolchain => {
             ["gcc", "g++", "pkg-config", "nm"].iter().try_for_each(|program| run(program, &["--version"]))
         }
