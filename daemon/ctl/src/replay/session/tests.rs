@@ -194,8 +194,8 @@ fn a_replay_has_the_task_frame_that_there_was() {
         range: None,
     });
     scenario.motion[0].twist = vec![0.0, 0.0, -0.05, 0.3, 0.1, 0.0];
-    for frame in [FrameName::Surface, FrameName::Tool] {
-        config.task.frame = frame;
+    for frame in [FrameName::Rpy, FrameName::Tool] {
+        (config.task.frame, config.task.rpy_rad) = (frame, [0.2, 0.1, 0.0]);
         let records = records_of(&config, &scenario, |_, _| false);
         assert_eq!(replay_of(config.clone(), &records), (None, records.len() as u64), "{frame}");
         let touched = records.iter().position(|record| record.command.active_axes != 0).expect("a contact");
