@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, SVector, Vector6};
 use admittance_core::quantities::{AXIS_NAMES, wrench_unit};
 use admittance_runner::config::{Config, GivenInName, WrenchSection, WrenchSourceName};
 use admittance_runner::parameters;
+use admittance_runner::task_frame::TaskFrame;
 
 /// Samples whose mean becomes the bias.
 pub(crate) const SAMPLES: usize = 200;
@@ -30,7 +31,7 @@ pub(crate) struct FreeSamples(VecDeque<FreeSample>);
 #[derive(Debug, Clone, Copy)]
 struct FreeSample {
     state: StateSample,
-    /// What a tool of 1 kg added to the wrench, in m/s² and m²/s².
+    /// What a tool of 1 kg added to the wrench, in the task frame, in m/s² and m²/s².
     tool_acceleration: Vector6<f64>,
 }
 
@@ -89,7 +90,10 @@ fn bias_of(config: &Config, samples: &[FreeSample]) -> Result<[f64; TASK_AXES], 
         samples.iter().map(given).zip(&orientations)
     };
     let felt: Vec<Vector6<f64>> = wrenches()
-        .map(|((given, acceleration), orientation)| conditioning.wrench(&given, orientation, &acceleration))
+        .map(|((given, acceleration), orientation)| {
+            let frame = TaskFrame::with_tool(config, orientation);
+            frame.twist(conditioning.wrench(&given, orientation, &frame.twist_in_base(acceleration)))
+        })
         .collect();
     let axes = (config.robot.task_axes as usize).min(TASK_AXES);
     for axis in 0..axes {
@@ -105,7 +109,10 @@ fn bias_of(config: &Config, samples: &[FreeSample]) -> Result<[f64; TASK_AXES], 
         }
     }
     let sum: Vector6<f64> = wrenches()
-        .map(|((given, acceleration), orientation)| given.0 - conditioning.unloaded(orientation, &acceleration).0)
+        .map(|((given, acceleration), orientation)| {
+            let acceleration = TaskFrame::with_tool(config, orientation).twist_in_base(acceleration);
+            given.0 - conditioning.unloaded(orientation, &acceleration).0
+        })
         .sum();
     let mut bias: [f64; TASK_AXES] = (sum / samples.len() as f64).into();
     // In the base frame the axes that the arm does not control have no reading.

@@ -151,7 +151,8 @@ pub fn schema() -> Schema {
                      [a, b] is a rows of b values",
             time: "nanoseconds of CLOCK_MONOTONIC on this host, taken by the writer",
             cartesian: "x y z rx ry rz at the TCP in the robot's base frame; an axis that the arm does not control \
-                        is 0",
+                        is 0; \
+                        of the task frame where a field says so: that is the base frame unless the daemon's [task] says otherwise",
             joints: "base to tip; values after joint_count are 0",
             wrench: "what the ROBOT exerts on the ENVIRONMENT: pushing along +x gives a positive x force",
         },

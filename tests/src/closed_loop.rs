@@ -142,13 +142,26 @@ impl Experiment {
     pub fn run_in_time(
         &self,
         mut before: impl FnMut(&mut dyn Cycle, &StateSample),
+        expired: impl FnMut(&StateSample, u64) -> bool,
+    ) -> Run {
+        let before = |cycle: &mut Box<dyn Cycle>, state: &StateSample| before(cycle.as_mut(), state);
+        self.run_replacing(before, expired)
+    }
+
+    /// The same where `before` may put another controller in the place of the present one.
+    ///
+    /// # Panics
+    /// As [`Self::run_with`].
+    pub fn run_replacing(
+        &self,
+        mut before: impl FnMut(&mut Box<dyn Cycle>, &StateSample),
         mut expired: impl FnMut(&StateSample, u64) -> bool,
     ) -> Run {
         let plant = VirtualRun::new(&self.scenario).expect("the scenario can be set up");
         let mut run = VirtualTime::new(cycle::build(&self.config).expect("the config describes a controller"), plant);
         let mut instants = Vec::new();
         while let Some(state) = run.sample().expect("no fault drops samples").copied() {
-            before(run.cycle.as_mut(), &state);
+            before(&mut run.cycle, &state);
             let step = run.step_in_time(|asked| expired(&state, asked)).expect("the plant takes every command");
             let Some(Step { state, command, report, truth, .. }) = step else { break };
             let belief = run.cycle.belief();

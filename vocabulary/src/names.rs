@@ -106,13 +106,14 @@ vocabulary! {
 }
 
 vocabulary! {
-    /// A task axis. An arm has the first D of them.
+    /// A task axis: a direction of the task frame, which is the base frame unless the daemon is told
+    /// otherwise. An arm has the first D of them.
     pub enum TaskAxis as "TaskAxis" {
-        X = 0 as "x" "Along x of the base frame: metres, newtons.";
-        Y = 1 as "y" "Along y of the base frame: metres, newtons.";
-        Z = 2 as "z" "Along z of the base frame: metres, newtons.";
-        Rx = 3 as "rx" "About x of the base frame: radians, newton metres.";
-        Ry = 4 as "ry" "About y of the base frame: radians, newton metres.";
-        Rz = 5 as "rz" "About z of the base frame: radians, newton metres.";
+        X = 0 as "x" "Along x of the task frame: metres, newtons.";
+        Y = 1 as "y" "Along y of the task frame: metres, newtons.";
+        Z = 2 as "z" "Along z of the task frame: metres, newtons.";
+        Rx = 3 as "rx" "About x of the task frame: radians, newton metres.";
+        Ry = 4 as "ry" "About y of the task frame: radians, newton metres.";
+        Rz = 5 as "rz" "About z of the task frame: radians, newton metres.";
     }
 }

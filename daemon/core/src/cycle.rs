@@ -5,7 +5,7 @@ use nalgebra::{SVector, Vector6};
 
 use crate::belief::{Belief, JointMotion, JointObserver, Snapshot, WayObserver};
 use crate::cycle_output::{Counters, CycleOutput, Outcome};
-use crate::intake::{Accepted, Event, Intake, SampleFault};
+use crate::intake::{Accepted, Event, Intake, Sample, SampleFault};
 use crate::mpc::qp::QpSolver;
 use crate::mpc::{Mpc, Situation, Solution, Verdict};
 use crate::output::{Movement, Output};
@@ -13,6 +13,7 @@ use crate::parameters::{ParameterError, Parameters};
 use crate::quantities::Instant;
 use crate::robot::Singular;
 use crate::supervisor::{Bridge, EnableRefused, Ending, Mode, ResetRefused, Supervisor, Task};
+use crate::turn::Turn;
 
 /// The law, as a state machine: no clock, no I/O, no heap.
 #[derive(Debug)]
@@ -85,6 +86,29 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self.supervisor.take_over(supervisor);
         self.output.take_over(output);
         self.cycles = *cycles;
+    }
+
+    /// Goes over to another frame that everything is expressed in, which a turn leads to from the present
+    /// one. What is remembered is turned along; per direction it is of the new frame's directions from here
+    /// on. `parameters`: those of this controller, [seen from](Parameters::seen_from) the new frame.
+    pub fn turn(&mut self, parameters: &Parameters<N, D>, turn: &Turn) {
+        // Without `..`: of a new field somebody has to decide here whether it is of the frame. The MPC begins
+        // its next problem warm from offsets of the old one.
+        let Self { parameters: own, intake, belief, joints, way, supervisor: _, mpc: _, output, cycles: _ } = self;
+        intake.turn(parameters.intake(), turn);
+        belief.turn(parameters.belief(), turn);
+        joints.turn(&parameters.chain, turn);
+        if let Some(way) = way {
+            way.turn(&parameters.chain, turn);
+        }
+        output.turn(turn);
+        *own = *parameters;
+    }
+
+    /// Whether [`Self::step`] would believe the joint positions of a sample: a frame that is the tool's must
+    /// not follow one that is stale, or where the arm cannot be. Its wrench may be anything.
+    pub fn believes_position(&self, sample: &Sample<N, D>, now: Instant) -> bool {
+        self.intake.believes_position(sample, now)
     }
 
     /// Runs one cycle at the time `now`. `expired` is called before and between solver iterations.
@@ -227,6 +251,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         self.belief.release();
         self.output.reset();
         Ok(())
+    }
+
+    /// The parameters.
+    pub fn parameters(&self) -> &Parameters<N, D> {
+        &self.parameters
     }
 
     /// The mode.

@@ -12,6 +12,9 @@
 //! | [`mpc`] | a problem | its solution: plan, verdict, iterations |
 //! | [`output`] | plan or fallback | the movement of this instant, within the limits |
 //!
+//! The base frame is the frame in which all this is expressed. The runner may choose another one than the
+//! robot's, by [`Parameters::seen_from`] and [`Controller::turn`].
+//!
 //! # Glossary
 //! | symbol | name in code | meaning |
 //! |---|---|---|
@@ -98,12 +101,14 @@ pub mod quantities;
 pub mod robot;
 pub mod supervisor;
 pub mod surface;
+mod turn;
 
 pub use admittance_vocabulary as vocabulary;
 
 pub use cycle::Controller;
 pub use cycle_output::{Counters, CycleOutput, Outcome};
 pub use parameters::{ParameterError, Parameters, Stopping};
+pub use turn::Turn;
 
 #[cfg(test)]
 extern crate self as admittance_core;

@@ -1,7 +1,7 @@
 //! The parameters of a controller, and which stage gets which. They never change: what is learned
 //! belongs to [`belief`](crate::belief).
 
-use nalgebra::SVector;
+use nalgebra::{Matrix3, SVector};
 
 use crate::belief::{self, ContactPoint, ContactSign, SurfaceSigns, Thresholds};
 use crate::intake::{self, Conditioning, Timing, TorqueModel, WrenchSource};
@@ -12,6 +12,7 @@ use crate::quantities::Span;
 use crate::robot::{Chain, MotionLimits, VelocityLoops};
 use crate::supervisor::{self, Guards, Policy};
 use crate::surface::Surface;
+use crate::turn::Turn;
 
 /// How a stop goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,6 +73,22 @@ pub struct Parameters<const N: usize, const D: usize> {
     pub stopping: Stopping,
     /// Whether the first valid sample without contact starts control.
     pub start_enabled: bool,
+}
+
+impl<const N: usize, const D: usize> Parameters<N, D> {
+    /// The same with everything expressed in another frame, whose `axes` are given in the present one as
+    /// columns: arm, surface and conditioning of a wrench that samples give. Limits, thresholds and
+    /// weights are of its directions.
+    #[must_use]
+    pub fn seen_from(&self, axes: &Matrix3<f64>) -> Self {
+        let turn = Turn::between(&Matrix3::identity(), axes);
+        Self {
+            chain: self.chain.seen_from(&turn),
+            surface: self.surface.turned(&turn),
+            conditioning: self.conditioning.seen_from(&turn),
+            ..*self
+        }
+    }
 }
 
 /// What each stage is told.

@@ -4,6 +4,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::quantities::{linear_axes, on_task_axes};
 use crate::robot::Pose;
+use crate::turn::Turn;
 
 /// Normal speed in m/s that still counts as zero.
 pub(crate) const STANDSTILL: f64 = 1e-3;
@@ -40,6 +41,14 @@ impl<const D: usize> Surface<D> {
     pub fn plane(normal_stiffness: f64, normal: &Vector3<f64>, contact: Pose) -> Self {
         let normal = on_task_axes::<D>(normal, &Vector3::zeros()).normalize();
         Self { stiffness: normal * normal.transpose() * normal_stiffness, contact, normal }
+    }
+
+    /// The same in the frame that a turn leads to.
+    #[must_use]
+    pub(crate) fn turned(&self, turn: &Turn) -> Self {
+        let normal = turn.twist(&self.normal);
+        let stiffness = normal * normal.transpose() * self.normal_stiffness();
+        Self { stiffness, contact: turn.pose(&self.contact), normal }
     }
 
     /// The normal in the base frame.

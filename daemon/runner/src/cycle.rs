@@ -12,12 +12,13 @@ use admittance_core::quantities::{Instant, Span};
 use admittance_core::robot::{SUPPORTED_ARMS, Singular};
 use admittance_core::supervisor::{EnableRefused, Ending, ResetRefused};
 use admittance_core::with_arm;
-use admittance_core::{Counters, CycleOutput};
+use admittance_core::{Counters, CycleOutput, Parameters, Turn};
 use ipc_types::{CommandSample, Fault, MAX_JOINTS, Mode, RecordSample, StateSample, StopReason, TASK_AXES};
 use nalgebra::SVector;
 
-use crate::config::Config;
+use crate::config::{Config, FrameName};
 use crate::settings::Settings;
+use crate::task_frame::TaskFrame;
 use crate::{parameters, wire};
 
 /// What a cycle reports besides its command, for log and record.
@@ -39,7 +40,7 @@ pub struct CycleReport {
     pub wrong_rate: Option<WrongRate>,
     /// How singular the pose was, if that is why the arm is stopped.
     pub singular: Option<Singular>,
-    /// f̂ as the law saw it, in N and N·m; zero when the sample did not reach it.
+    /// f̂ as the law saw it, in the task frame, in N and N·m; zero when the sample did not reach it.
     pub wrench: [f64; TASK_AXES],
     /// The same without the lag of f̂.
     pub wrench_without_lag: [f64; TASK_AXES],
@@ -110,10 +111,11 @@ pub trait Cycle: Send {
     /// Running counts.
     fn counters(&self) -> Counters;
 
-    /// The belief about the surface.
+    /// The belief about the surface, base frame.
     fn belief(&self) -> Snapshot;
 
-    /// What the wrench shows of the tool's acceleration; see [`Controller::tool_acceleration`].
+    /// What the wrench shows of the tool's acceleration, in the task frame; see
+    /// [`Controller::tool_acceleration`].
     fn tool_acceleration(&self) -> [f64; TASK_AXES];
 
     /// q̇ in rad/s and q̈ in rad/s² as the law sees them; see [`Controller::joint_motion`].
@@ -222,32 +224,40 @@ fn build_with(
     memory: Option<&Memory>,
     wrap: &dyn Fn(Solver) -> Box<dyn QpSolver + Send>,
 ) -> Result<Box<dyn Cycle>, String> {
-    let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
+    let (joints, axes, frame) = (config.robot.joint.len(), config.robot.task_axes, TaskFrame::of(config));
     with_arm!((joints, axes), <N, D> => {
         let controller = |inputs_per_cycle: u32| -> Result<_, String> {
-            let parameters = parameters::parameters::<N, D>(config, inputs_per_cycle)
+            let in_base = parameters::parameters::<N, D>(config, inputs_per_cycle)
                 .ok_or("the configuration's lists do not fit the arm: run admittancectl validate on it")?;
+            let parameters = frame.see(&in_base);
             let capacity = parameters.solver_capacity();
             let solver = ActiveSet::new(capacity, config.mpc.max_iterations, zeros(capacity.storage_len()))
                 .ok_or("the horizon is longer than the solver takes")?;
             let storage = zeros(parameters.storage_len());
             let controller = Controller::new(parameters, AnySolver(wrap(solver)), storage).map_err(|error| error.to_string())?;
-            Ok(Box::new(match memory {
+            let controller = Box::new(match memory {
                 Some(memory) => {
                     let [velocity, acceleration] =
                         memory.joint_motion.map(|joints| SVector::<f64, N>::from_fn(|joint, _| joints[joint]));
-                    let controller = controller.believing(&memory.belief).feeling(&memory.tool_acceleration.into());
+                    let Snapshot { contact_point, normal, .. } = memory.belief;
+                    let (contact_point, normal) = (frame.vector(contact_point), frame.vector(normal));
+                    let belief = Snapshot { contact_point, normal, ..memory.belief };
+                    let controller = controller.believing(&belief).feeling(&memory.tool_acceleration.into());
                     controller.moving(&JointMotion { velocity, acceleration })
                 }
                 None => controller,
-            }))
+            });
+            Ok(InFrame { controller, in_base: Box::new(in_base) })
         };
         let inputs = config.inputs_per_cycle();
         Ok(Box::new(ArmCycle {
-            controller: controller(1)?,
+            own: controller(1)?,
             other: if inputs > 1 { Some(controller(inputs)?) } else { None },
             plays_plan: false,
             command_delay: Span::from_seconds(config.control.command_delay_s),
+            frame,
+            follows_tool: config.task.frame == FrameName::Tool,
+            is_placed: config.task.frame != FrameName::Tool,
             settings: Settings::of(config),
         }))
     }, else {
@@ -259,14 +269,35 @@ fn zeros(length: usize) -> Box<[f64]> {
     vec![0.0; length].into_boxed_slice()
 }
 
-struct ArmCycle<const N: usize, const D: usize> {
+/// A controller in the task frame.
+struct InFrame<const N: usize, const D: usize> {
     controller: Box<Controller<N, D, AnySolver, Box<[f64]>>>,
+    /// Its parameters in the base frame.
+    in_base: Box<Parameters<N, D>>,
+}
+
+impl<const N: usize, const D: usize> InFrame<N, D> {
+    /// Goes over to a frame, which a turn leads to from its own.
+    fn turn(&mut self, frame: &TaskFrame, turn: &Turn) {
+        self.controller.turn(&frame.see(&self.in_base), turn);
+    }
+}
+
+struct ArmCycle<const N: usize, const D: usize> {
+    own: InFrame<N, D>,
     /// The one for a motion controller that differs in whether it plays the plan within its cycle;
-    /// `None` where there is one input per cycle for all.
-    other: Option<Box<Controller<N, D, AnySolver, Box<[f64]>>>>,
+    /// `None` where there is one input per cycle for all. Where the frame follows the tool it is left
+    /// behind.
+    other: Option<InFrame<N, D>>,
     /// Whether the last sample's motion controller does.
     plays_plan: bool,
     command_delay: Span,
+    /// That of the controller; samples and commands are in the base frame.
+    frame: TaskFrame,
+    /// Whether it turns with the tool.
+    follows_tool: bool,
+    /// Whether what is remembered is of it: of a tool's from the first sample on.
+    is_placed: bool,
     settings: Settings,
 }
 
@@ -274,10 +305,28 @@ impl<const N: usize, const D: usize> ArmCycle<N, D> {
     /// Whoever follows the first input for a whole cycle must get one that is meant for it.
     fn suit(&mut self, plays_plan: bool) {
         if let Some(other) = self.other.as_mut().filter(|_| plays_plan != self.plays_plan) {
-            other.take_over(&self.controller);
-            std::mem::swap(&mut self.controller, other);
+            if self.follows_tool {
+                other.turn(&self.frame, &Turn::none());
+            }
+            other.controller.take_over(&self.own.controller);
+            std::mem::swap(&mut self.own, other);
         }
         self.plays_plan = plays_plan;
+    }
+
+    /// Lets the frame follow the tool, to where a sample says that it is.
+    fn follow_tool(&mut self, state: &StateSample, now: Instant) {
+        if !self.follows_tool || !self.own.controller.believes_position(&wire::sample(state, &self.frame), now) {
+            return;
+        }
+        let position = SVector::from_fn(|joint, _| state.joint_position[joint]);
+        let next = TaskFrame::at(&self.own.in_base.chain.kinematics(&position).pose.rotation);
+        // What a replay remembers from before the first sample is of the first one's frame.
+        let turn = if self.is_placed { self.frame.to(&next) } else { Some(Turn::none()) };
+        if let Some(turn) = turn {
+            self.own.turn(&next, &turn);
+        }
+        (self.frame, self.is_placed) = (next, true);
     }
 
     /// Takes an event. `valid_from` is the instant from which the command is valid, `planned_from`
@@ -290,7 +339,7 @@ impl<const N: usize, const D: usize> ArmCycle<N, D> {
         command: &mut CommandSample,
     ) -> CycleReport {
         let named = Instant::from_nanoseconds(command.state_stamp_ns);
-        let answer = self.controller.step(event, now, expired);
+        let answer = self.own.controller.step(event, now, expired);
         let outcome = &answer.outcome;
         // An implausible stamp must not make a command valid for ever. On the wire the plan counts
         // from the sample that the command names, which may be long gone.
@@ -300,7 +349,7 @@ impl<const N: usize, const D: usize> ArmCycle<N, D> {
             Event::Sample(sample) => sample.stamp.min(now),
             Event::Silence => now,
         };
-        wire::write_answer(command, &answer, planned_from.since(named).nanoseconds());
+        wire::write_answer(command, &answer, &self.frame, planned_from.since(named).nanoseconds());
         command.valid_until_ns = (valid_from + self.command_delay + answer.validity).nanoseconds();
         report(&answer)
     }
@@ -340,7 +389,8 @@ impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
             (command.state_sequence, command.state_stamp_ns) = (state.sequence, state.stamp_ns);
         }
         self.suit(state.plays_plan == 1);
-        self.step(Event::Sample(&wire::sample(state)), now, expired, command)
+        self.follow_tool(state, now);
+        self.step(Event::Sample(&wire::sample(state, &self.frame)), now, expired, command)
     }
 
     fn silence(&mut self, now: Instant, command: &mut CommandSample) -> CycleReport {
@@ -348,39 +398,48 @@ impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
     }
 
     fn end(&mut self, ending: Ending) {
-        self.controller.end(ending);
+        self.own.controller.end(ending);
     }
 
     fn enable(&mut self) -> Result<bool, EnableRefused> {
-        self.controller.enable()
+        self.own.controller.enable()
     }
 
     fn reset(&mut self, force: bool) -> Result<(), ResetRefused> {
-        self.controller.reset(force)
+        self.own.controller.reset(force)
     }
 
     fn mode(&self) -> Mode {
-        self.controller.mode()
+        self.own.controller.mode()
     }
 
     fn is_enabled(&self) -> bool {
-        self.controller.is_enabled()
+        self.own.controller.is_enabled()
     }
 
     fn counters(&self) -> Counters {
-        self.controller.counters()
+        self.own.controller.counters()
     }
 
     fn belief(&self) -> Snapshot {
-        self.controller.belief()
+        let belief = self.own.controller.belief();
+        if self.frame.axes().is_none() {
+            return belief;
+        }
+        // What is told is so to the bit: a replay begins with it.
+        let InFrame { controller, in_base } = &self.own;
+        let is_told = belief.contact_point == controller.parameters().surface.contact.position;
+        let believed = self.frame.vector_in_base(belief.contact_point);
+        let contact_point = if is_told { in_base.surface.contact.position } else { believed };
+        Snapshot { contact_point, normal: self.frame.vector_in_base(belief.normal), ..belief }
     }
 
     fn tool_acceleration(&self) -> [f64; TASK_AXES] {
-        wire::padded(self.controller.tool_acceleration().as_slice())
+        wire::padded(self.own.controller.tool_acceleration().as_slice())
     }
 
     fn joint_motion(&self) -> [[f64; MAX_JOINTS]; 2] {
-        let motion = self.controller.joint_motion();
+        let motion = self.own.controller.joint_motion();
         [wire::padded(motion.velocity.as_slice()), wire::padded(motion.acceleration.as_slice())]
     }
 
@@ -391,9 +450,18 @@ impl<const N: usize, const D: usize> Cycle for ArmCycle<N, D> {
     fn take_over(&mut self, old: &dyn Cycle) -> bool {
         let Some(old) = old.as_any().downcast_ref::<Self>() else { return false };
         // Without `..`: a new field has to say here what becomes of it.
-        let Self { controller, other: _, plays_plan, command_delay: _, settings: _ } = old;
+        let Self { own, other: _, plays_plan, command_delay: _, frame, follows_tool: _, is_placed, settings: _ } = old;
         self.suit(*plays_plan);
-        self.controller.take_over(controller);
+        let turn = frame.to(&self.frame);
+        if turn.is_some() {
+            // What it takes over is of the old frame.
+            self.own.turn(frame, &Turn::none());
+        }
+        self.own.controller.take_over(&own.controller);
+        match turn {
+            Some(turn) if !self.follows_tool => self.own.turn(&self.frame, &turn),
+            _ => (self.frame, self.is_placed) = (*frame, *is_placed),
+        }
         true
     }
 

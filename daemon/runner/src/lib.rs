@@ -25,5 +25,6 @@ pub mod config;
 pub mod cycle;
 pub mod parameters;
 pub mod settings;
+pub mod task_frame;
 pub mod virtual_time;
 mod wire;

@@ -25,7 +25,8 @@ const HORIZON_LAGS: f64 = 3.0;
 /// Largest KKT residual of a usable solution, as a multiple of mpc.solver_tolerance.
 const RESIDUAL_FACTOR: f64 = 1e3;
 
-/// The parameters for N joints and D axes, and for so many inputs within a cycle; `None` if the configuration is for another arm.
+/// The parameters for N joints and D axes, and for so many inputs within a cycle, base frame:
+/// [`Parameters::seen_from`] leads to those of another. `None` if the configuration is for another arm.
 ///
 /// The configuration has passed its checks: lengths and ranges are as declared.
 pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cycle: u32) -> Option<Parameters<N, D>> {

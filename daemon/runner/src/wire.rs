@@ -8,9 +8,11 @@ use admittance_core::vocabulary::{Side, StopReason};
 use ipc_types::{CommandSample, StateSample};
 use nalgebra::SVector;
 
-/// The law's view of a state sample: the first N joints and D axes, and the whole wrench as it is
-/// given.
-pub(crate) fn sample<const N: usize, const D: usize>(state: &StateSample) -> Sample<N, D> {
+use crate::task_frame::TaskFrame;
+
+/// The law's view of a state sample: the first N joints, the D directions of the task, and the whole
+/// wrench as it is given.
+pub(crate) fn sample<const N: usize, const D: usize>(state: &StateSample, frame: &TaskFrame) -> Sample<N, D> {
     let joints = |values: &[f64]| SVector::<f64, N>::from_fn(|joint, _| values[joint]);
     Sample {
         sequence: state.sequence,
@@ -22,19 +24,20 @@ pub(crate) fn sample<const N: usize, const D: usize>(state: &StateSample) -> Sam
         joint_position: joints(&state.joint_position),
         joint_velocity: joints(&state.joint_velocity),
         joint_position_reference: joints(&state.joint_position_reference),
-        twist_reference: SVector::from_fn(|axis, _| state.twist_reference[axis]),
+        twist_reference: frame.twist(SVector::from_fn(|axis, _| state.twist_reference[axis])),
         wrench: GivenWrench(state.wrench.into()),
         torque_valid: state.torque_valid == 1,
         joint_torque: joints(&state.joint_torque),
     }
 }
 
-/// Writes an answer into a command. `since_sample` is the time in ns from the sample that the
+/// Writes an answer in the task frame into a command. `since_sample` is the time in ns from the sample that the
 /// command names to the start of the plan. Sequence, stamps and the real-time thread's counters are
 /// not touched.
 pub(crate) fn write_answer<const N: usize, const D: usize>(
     command: &mut CommandSample,
     answer: &CycleOutput<'_, N, D>,
+    frame: &TaskFrame,
     since_sample: u64,
 ) {
     let outcome = &answer.outcome;
@@ -45,16 +48,16 @@ pub(crate) fn write_answer<const N: usize, const D: usize>(
     command.stop_reason = StopReason::code_of(outcome.stop_reason);
     command.active_axes = outcome.active_axes;
     write_verdict(command, &outcome.verdict);
-    command.velocity_offset = padded(outcome.movement.velocity_offset.as_slice());
+    command.velocity_offset = padded(frame.twist_in_base(outcome.movement.velocity_offset).as_slice());
     command.joint_velocity_offset = padded(outcome.movement.joint_velocity_offset.as_slice());
-    command.twist_command = padded(outcome.movement.twist_command.as_slice());
+    command.twist_command = padded(frame.twist_in_base(outcome.movement.twist_command).as_slice());
     let steps = answer.plan.steps();
     command.plan_length = steps.len() as u32;
     command.plan_end_ns.fill(0);
     command.planned_offset.fill([0.0; ipc_types::TASK_AXES]);
     for (index, (offset, end)) in steps.enumerate() {
         command.plan_end_ns[index] = end.nanoseconds().saturating_add(since_sample);
-        command.planned_offset[index] = padded(offset.as_slice());
+        command.planned_offset[index] = padded(frame.twist_in_base(*offset).as_slice());
     }
     command.fallback_count = outcome.counters.fallback;
     command.missed_count = outcome.counters.missed;

@@ -2,7 +2,7 @@
  * Transport: iceoryx2 0.10, shared memory on one host.
  * Layout: C layout of the host (native byte order), explicit offsets, no implicit padding; shape [] is a scalar, [a, b] is a rows of b values.
  * Time: nanoseconds of CLOCK_MONOTONIC on this host, taken by the writer.
- * Cartesian arrays: x y z rx ry rz at the TCP in the robot's base frame; an axis that the arm does not control is 0.
+ * Cartesian arrays: x y z rx ry rz at the TCP in the robot's base frame; an axis that the arm does not control is 0; of the task frame where a field says so: that is the base frame unless the daemon's [task] says otherwise.
  * Joint arrays: base to tip; values after joint_count are 0.
  * Wrench: what the ROBOT exerts on the ENVIRONMENT: pushing along +x gives a positive x force.
  */
@@ -135,13 +135,13 @@
 #define ADMITTANCED_FAULT_JUMP 10u /* A joint is not where it can have moved since the sample before. */
 #define ADMITTANCED_FAULT_UNNUMBERED 11u /* Its sequence is 0: samples count from 1. */
 
-/* TaskAxis A task axis. An arm has the first D of them. */
-#define ADMITTANCED_TASK_AXIS_X 0u /* Along x of the base frame: metres, newtons. */
-#define ADMITTANCED_TASK_AXIS_Y 1u /* Along y of the base frame: metres, newtons. */
-#define ADMITTANCED_TASK_AXIS_Z 2u /* Along z of the base frame: metres, newtons. */
-#define ADMITTANCED_TASK_AXIS_RX 3u /* About x of the base frame: radians, newton metres. */
-#define ADMITTANCED_TASK_AXIS_RY 4u /* About y of the base frame: radians, newton metres. */
-#define ADMITTANCED_TASK_AXIS_RZ 5u /* About z of the base frame: radians, newton metres. */
+/* TaskAxis A task axis: a direction of the task frame, which is the base frame unless the daemon is told otherwise. An arm has the first D of them. */
+#define ADMITTANCED_TASK_AXIS_X 0u /* Along x of the task frame: metres, newtons. */
+#define ADMITTANCED_TASK_AXIS_Y 1u /* Along y of the task frame: metres, newtons. */
+#define ADMITTANCED_TASK_AXIS_Z 2u /* Along z of the task frame: metres, newtons. */
+#define ADMITTANCED_TASK_AXIS_RX 3u /* About x of the task frame: radians, newton metres. */
+#define ADMITTANCED_TASK_AXIS_RY 4u /* About y of the task frame: radians, newton metres. */
+#define ADMITTANCED_TASK_AXIS_RZ 5u /* About z of the task frame: radians, newton metres. */
 
 /* The measured state of the robot and the references that the motion controller follows: one per cycle. Written by the motion controller (plant-sim in a simulation). */
 #define ADMITTANCED_STATE_SAMPLE_TYPE_NAME "admittanced.StateSample.v2"
@@ -433,7 +433,7 @@ typedef struct admittanced_response_sample {
     double verdict_margin;
     /* Verdict time of the last command, as in the command sample. Unit: s. Range: >= 0, finite. */
     double verdict_time_s;
-    /* Wrench of the last accepted state sample as the law sees it: bias and tool removed, ROBOT on ENVIRONMENT, at the TCP, base frame. Unit: N, N m. Range: finite. */
+    /* Wrench of the last accepted state sample as the law sees it: bias and tool removed, ROBOT on ENVIRONMENT, at the TCP, task frame. Unit: N, N m. Range: finite. */
     double wrench[6];
     /* Velocity offset of the last command, base frame. Unit: m/s, rad/s. Range: finite. */
     double velocity_offset[6];
@@ -543,7 +543,7 @@ typedef struct admittanced_record_sample {
     uint32_t enabled;
     /* Where the surface is believed to be after this cycle: a point of it x y z, base frame. Unit: m. Range: finite. */
     double contact_point[3];
-    /* The state sample's wrench as the law saw it: bias and tool removed, ROBOT on ENVIRONMENT, at the TCP, base frame; 0 where the sample did not reach the law. Unit: N, N m. Range: finite. */
+    /* The state sample's wrench as the law saw it: bias and tool removed, ROBOT on ENVIRONMENT, at the TCP, task frame; 0 where the sample did not reach the law. Unit: N, N m. Range: finite. */
     double wrench[6];
     /* Law in force after this record; this and the following fields are what requests may change. Unit: 1. Range: a code of Law. */
     uint32_t law;
@@ -565,7 +565,7 @@ typedef struct admittanced_record_sample {
     double expected_spring_n;
     /* Stamp of the last state sample that the belief has followed; 0 = none yet. Unit: ns. Range: CLOCK_MONOTONIC. */
     uint64_t expected_stamp_ns;
-    /* What the wrench shows of the acceleration of the tool's centre of gravity after this cycle: what a tool of 1 kg adds to it, at the TCP, base frame; 0 without a tool. Unit: m/s^2, m^2/s^2. Range: finite. */
+    /* What the wrench shows of the acceleration of the tool's centre of gravity after this cycle: what a tool of 1 kg adds to it, at the TCP, task frame; 0 without a tool. Unit: m/s^2, m^2/s^2. Range: finite. */
     double tool_acceleration[6];
     /* Joint velocities as the law sees them after this cycle: estimated where robot.velocity_loop says that they are reported late, or that loops are of second order. Unit: rad/s or m/s. Range: finite. */
     double joint_velocity[8];
@@ -683,7 +683,7 @@ typedef struct admittanced_diagnostics_sample {
     double verdict_margin;
     /* Verdict time of the last command, as in the command sample. Unit: s. Range: >= 0, finite. */
     double verdict_time_s;
-    /* Wrench of the last accepted state sample as the law sees it: bias and tool removed, ROBOT on ENVIRONMENT, at the TCP, base frame. Unit: N, N m. Range: finite. */
+    /* Wrench of the last accepted state sample as the law sees it: bias and tool removed, ROBOT on ENVIRONMENT, at the TCP, task frame. Unit: N, N m. Range: finite. */
     double wrench[6];
     /* Limit in force of the wrench on each axis; 0 on axes that are not controlled. Unit: N, N m. Range: >= 0. */
     double force_limit[6];

@@ -58,7 +58,7 @@ wire_sample! {
             "Verdict time of the last command, as in the command sample.";
         160 wrench: [f64; TASK_AXES] ["N, N m", "finite"]
             "Wrench of the last accepted state sample as the law sees it: bias and tool removed, ROBOT on ENVIRONMENT, \
-             at the TCP, base frame.";
+             at the TCP, task frame.";
         208 force_limit: [f64; TASK_AXES] ["N, N m", ">= 0"]
             "Limit in force of the wrench on each axis; 0 on axes that are not controlled.";
         256 minimum_force: [f64; TASK_AXES] ["N, N m", ">= 0"]

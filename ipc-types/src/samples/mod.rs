@@ -2,8 +2,9 @@
 //!
 //! All stamps are nanoseconds of `CLOCK_MONOTONIC` of this host, taken by the writer. Joint arrays
 //! hold `joint_count` values, base to tip, and zeros after them. Cartesian arrays hold x, y, z, rx,
-//! ry, rz in the robot's base frame, at the TCP; an axis that the arm does not control is zero. A
-//! wrench is the one that the ROBOT exerts on the ENVIRONMENT: pushing along +x gives a positive x
+//! ry, rz in the robot's base frame, at the TCP; an axis that the arm does not control is zero. Where
+//! a field says so they are of the task frame, which is the base frame unless the daemon's `[task]`
+//! section says otherwise. A wrench is the one that the ROBOT exerts on the ENVIRONMENT: pushing along +x gives a positive x
 //! force. The state sample's alone may be a sensor's as it is: the daemon's `[wrench]` section says
 //! how it is given.
 

@@ -49,7 +49,7 @@ wire_sample! {
         112 contact_point: [f64; 3] ["m", "finite"]
             "Where the surface is believed to be after this cycle: a point of it x y z, base frame.";
         136 wrench: [f64; TASK_AXES] ["N, N m", "finite"]
-            "The state sample's wrench as the law saw it: bias and tool removed, ROBOT on ENVIRONMENT, at the TCP, base \
+            "The state sample's wrench as the law saw it: bias and tool removed, ROBOT on ENVIRONMENT, at the TCP, task \
              frame; 0 where the sample did not reach the law.";
         184 law: u32 as Law ["1", "a code of Law"]
             "Law in force after this record; this and the following fields are what requests may change.";
@@ -75,7 +75,7 @@ wire_sample! {
             "Stamp of the last state sample that the belief has followed; 0 = none yet.";
         352 tool_acceleration: [f64; TASK_AXES] ["m/s^2, m^2/s^2", "finite"]
             "What the wrench shows of the acceleration of the tool's centre of gravity after this cycle: what a tool of 1 kg \
-             adds to it, at the TCP, base frame; 0 without a tool.";
+             adds to it, at the TCP, task frame; 0 without a tool.";
         400 joint_velocity: [f64; MAX_JOINTS] ["rad/s or m/s", "finite"]
             "Joint velocities as the law sees them after this cycle: estimated where robot.velocity_loop says that they are \
              reported late, or that loops are of second order.";

@@ -71,7 +71,7 @@ wire_sample! {
             "Verdict time of the last command, as in the command sample.";
         128 wrench: [f64; TASK_AXES] ["N, N m", "finite"]
             "Wrench of the last accepted state sample as the law sees it: bias and tool removed, ROBOT on ENVIRONMENT, \
-             at the TCP, base frame.";
+             at the TCP, task frame.";
         176 velocity_offset: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
             "Velocity offset of the last command, base frame.";
         224 law: u32 as Law ["1", "a code of Law"]

@@ -14,6 +14,7 @@ mod motor_torque;
 mod paper_experiment;
 mod settling;
 mod stops_and_guards;
+mod task_frame;
 mod unknown_normal;
 mod unknown_surface;
 mod unlagged;

@@ -9,8 +9,9 @@ use crate::intake::Accepted;
 use crate::mpc::Discretization;
 use crate::output::UnderWay;
 use crate::quantities::Span;
-use crate::robot::VelocityLoops;
+use crate::robot::{Chain, VelocityLoops};
 use crate::surface::Surface;
+use crate::turn::Turn;
 
 /// Longest time between two samples over which the way is known.
 const LONGEST: Span = Span::from_nanoseconds(100_000_000);
@@ -35,6 +36,13 @@ impl<const N: usize, const D: usize> WayObserver<N, D> {
     /// last saw is too old.
     pub(crate) fn take_over(&mut self, old: Option<&Self>) {
         self.last = old.and_then(|old| old.last);
+    }
+
+    /// Goes over to the frame that a turn leads to; `chain` is the arm in it.
+    pub(crate) fn turn(&mut self, chain: &Chain<N>, turn: &Turn) {
+        if let Some((last, _)) = &mut self.last {
+            last.turn(chain, turn);
+        }
     }
 
     /// The way to `sample`, at which the joints have this motion, by the commands `under_way` since

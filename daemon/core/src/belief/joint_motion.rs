@@ -7,7 +7,8 @@ use crate::intake::Accepted;
 use crate::mpc::Discretization;
 use crate::output::UnderWay;
 use crate::quantities::Span;
-use crate::robot::VelocityLoops;
+use crate::robot::{Chain, VelocityLoops};
+use crate::turn::Turn;
 
 /// Longest time between two samples over which the loops are run along. Of the references in
 /// between as many are known as commands are kept: over a longer gap the first part counts as
@@ -56,6 +57,13 @@ impl<const N: usize, const D: usize> JointObserver<N, D> {
     pub(crate) fn take_over(&mut self, old: &Self) {
         let Self { loops: _, motion, last, is_resumed } = *old;
         (self.motion, self.last, self.is_resumed) = (motion, last, is_resumed);
+    }
+
+    /// Goes over to the frame that a turn leads to; `chain` is the arm in it.
+    pub(crate) fn turn(&mut self, chain: &Chain<N>, turn: &Turn) {
+        if let Some(last) = &mut self.last {
+            last.turn(chain, turn);
+        }
     }
 
     /// The motion at the last sample.

@@ -22,6 +22,7 @@ use nalgebra::SVector;
 
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
+use crate::turn::Turn;
 
 /// So many standard deviations are not noise: white noise at 1 kHz passes four of them every 16 s,
 /// five every half hour.
@@ -152,6 +153,16 @@ impl<const D: usize> LagInverse<D> {
     pub(super) fn take_over(&mut self, old: &Self) {
         let Self { time_constant: _, window: _, sampling_time: _, stamps, wrenches, len, force } = old;
         (self.stamps, self.wrenches, self.len, self.force) = (*stamps, *wrenches, *len, *force);
+    }
+
+    /// Goes over to the frame that a turn leads to. What is per direction, the window's noise, is told
+    /// anew with the next sample.
+    pub(super) fn turn(&mut self, turn: &Turn) {
+        for wrench in self.wrenches[..self.len].as_flattened_mut() {
+            *wrench = turn.twist(wrench);
+        }
+        let WithoutLag { wrench, certain, noise_gain: _, noise_excess: _ } = &mut self.force;
+        (*wrench, *certain) = (turn.twist(wrench), turn.twist(certain));
     }
 
     /// The wrench without the lag of f̂.

@@ -53,6 +53,7 @@ pub(crate) use way::Way;
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span, linear_axes};
 use crate::surface::Surface;
+use crate::turn::Turn;
 use detection::Detection;
 use lag_inverse::LagInverse;
 use spring_history::SpringHistory;
@@ -171,6 +172,16 @@ impl<const D: usize> Belief<D> {
         {
             self.surface = *surface;
         }
+    }
+
+    /// Goes over to the frame that a turn leads to, and to its settings. Axes in contact stay so.
+    pub(crate) fn turn(&mut self, settings: Settings<D>, turn: &Turn) {
+        // As it is told, without the rounding of many turns.
+        let is_told = self.surface == self.settings.surface;
+        self.surface = if is_told { settings.surface } else { self.surface.turned(turn) };
+        self.signs = SurfaceSigns::of(&settings.surface.normal);
+        self.lag_inverse.turn(turn);
+        self.settings = settings;
     }
 
     /// Which axes feel a force above β, and above what an f̂ of this covariance may be off by.

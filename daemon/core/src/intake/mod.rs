@@ -33,6 +33,7 @@ pub use wrench::{Conditioning, GivenIn, GivenSign};
 
 use crate::quantities::{GivenWrench, Instant, Span};
 use crate::robot::{Chain, Posture};
+use crate::turn::Turn;
 use momentum_observer::{Estimate, MomentumObserver, unseen};
 use order::SampleOrder;
 use position_track::PositionTrack;
@@ -126,6 +127,17 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         }
     }
 
+    /// Goes over to the frame that a turn leads to, and to its settings.
+    pub(crate) fn turn(&mut self, settings: Settings<N, D>, turn: &Turn) {
+        self.tool.turn(turn);
+        // It is of the old frame's directions, and begins anew.
+        self.observer = None;
+        if let Some(last) = &mut self.last {
+            last.turn(&settings.chain, turn);
+        }
+        self.settings = settings;
+    }
+
     /// Takes an event at the time `now`.
     ///
     /// # Errors
@@ -143,6 +155,16 @@ impl<const N: usize, const D: usize> Intake<N, D> {
             Event::Silence => Err(SampleFault::Silence),
         };
         checked.map(|accepted| &*self.last.insert(accepted))
+    }
+
+    /// Whether the joint positions of a sample are those of the arm, whatever its wrench is.
+    pub(crate) fn believes_position(&self, sample: &Sample<N, D>, now: Instant) -> bool {
+        let Settings { chain, timing, joint_speed, .. } = &self.settings;
+        let mut track = self.track;
+        sample.check_joint_count().is_ok()
+            && self.order.check(sample, now, timing).is_ok()
+            && sample.check_motion().is_ok()
+            && track.follow(sample, joint_speed.as_ref(), chain).is_ok()
     }
 
     fn check(&mut self, sample: &Sample<N, D>, now: Instant) -> Result<Accepted<N, D>, SampleFault> {

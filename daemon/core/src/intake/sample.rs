@@ -6,7 +6,8 @@ use nalgebra::{SMatrix, SVector};
 
 use super::Arrival;
 use crate::quantities::{AXIS_NAMES, GivenWrench, Instant, Span, wrench_unit};
-use crate::robot::{JointKind, Posture};
+use crate::robot::{Chain, JointKind, Posture};
+use crate::turn::Turn;
 
 /// A state sample of the motion controller, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,6 +68,18 @@ pub(crate) struct Accepted<const N: usize, const D: usize> {
     pub wrench_covariance: SMatrix<f64, D, D>,
     /// Ψ, J and J⁻¹ at q.
     pub posture: Posture<N, D>,
+}
+
+impl<const N: usize, const D: usize> Accepted<N, D> {
+    /// Goes over to the frame that a turn leads to; `chain` is the arm in it.
+    pub(crate) fn turn(&mut self, chain: &Chain<N>, turn: &Turn) {
+        let Self { twist_reference, wrench, wrench_by_position, wrench_covariance, posture, joint_position, .. } = self;
+        for vector in [twist_reference, wrench, wrench_by_position] {
+            *vector = turn.twist(vector);
+        }
+        *wrench_covariance = turn.matrix(wrench_covariance);
+        *posture = Posture::new(chain, joint_position);
+    }
 }
 
 /// A vector of the sample.

@@ -16,6 +16,7 @@ use nalgebra::{SVector, Vector3, Vector6};
 use super::{Sample, Settings};
 use crate::quantities::{Instant, Span, on_task_axes};
 use crate::robot::Posture;
+use crate::turn::Turn;
 
 /// How the tool has moved.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -90,6 +91,13 @@ impl<const N: usize, const D: usize> ToolMotion<N, D> {
             seen: Some(seen),
             by_velocity: after(&self.by_velocity, &sample.joint_velocity),
             by_position: after(&self.by_position, &by_position),
+        }
+    }
+
+    /// Goes over to the frame that a turn leads to.
+    pub(super) fn turn(&mut self, turn: &Turn) {
+        for Moved { momentum, carried, felt } in [&mut self.by_velocity, &mut self.by_position] {
+            (*momentum, *carried, *felt) = (turn.twist(momentum), turn.twist(carried), turn.twist(felt));
         }
     }
 

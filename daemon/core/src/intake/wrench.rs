@@ -11,12 +11,15 @@ use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 
 use crate::quantities::{BaseWrench, GivenWrench};
 use crate::robot::Pose;
+use crate::turn::Turn;
 
 /// Where a wrench is given: its axes, and the point that its torques are about.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum GivenIn {
     /// Axes of the base frame, at the TCP.
     Base,
+    /// Axes of another frame, at the TCP, from which this leads to the base frame.
+    Turned(Turn),
     /// The sensor's own axes, at its origin: its pose in the frame of the TCP.
     Sensor(Pose),
 }
@@ -67,6 +70,17 @@ impl<const D: usize> Conditioning<D> {
         }
     }
 
+    /// The same where the base frame is the one that a turn leads to.
+    #[must_use]
+    pub(crate) fn seen_from(&self, turn: &Turn) -> Self {
+        let given_in = match self.given_in {
+            GivenIn::Base => GivenIn::Turned(*turn),
+            GivenIn::Turned(given) => GivenIn::Turned(given.then(turn)),
+            GivenIn::Sensor(sensor) => GivenIn::Sensor(sensor),
+        };
+        Self { given_in, tool_weight: turn.vector(&self.tool_weight), ..*self }
+    }
+
     /// The first value of `given` at the end of the sensor's range.
     pub fn saturated(&self, given: &GivenWrench) -> Option<usize> {
         let ranges = self.saturation.as_ref()?;
@@ -89,10 +103,14 @@ impl<const D: usize> Conditioning<D> {
     fn at_rest(&self, given: &GivenWrench, tcp: &Matrix3<f64>) -> BaseWrench {
         let unbiased = given.0 - self.bias;
         let (mut force, mut torque) = halves(&unbiased);
-        if let GivenIn::Sensor(sensor) = &self.given_in {
-            let rotation = tcp * sensor.rotation;
-            force = rotation * force;
-            torque = rotation * torque + (tcp * sensor.position).cross(&force);
+        match &self.given_in {
+            GivenIn::Base => {}
+            GivenIn::Turned(turn) => (force, torque) = (turn.vector(&force), turn.vector(&torque)),
+            GivenIn::Sensor(sensor) => {
+                let rotation = tcp * sensor.rotation;
+                force = rotation * force;
+                torque = rotation * torque + (tcp * sensor.position).cross(&force);
+            }
         }
         if self.sign == GivenSign::Reaction {
             (force, torque) = (-force, -torque);
@@ -115,10 +133,14 @@ impl<const D: usize> Conditioning<D> {
         if self.sign == GivenSign::Reaction {
             (force, torque) = (-force, -torque);
         }
-        if let GivenIn::Sensor(sensor) = &self.given_in {
-            let rotation = (tcp * sensor.rotation).transpose();
-            torque = rotation * (torque - (tcp * sensor.position).cross(&force));
-            force = rotation * force;
+        match &self.given_in {
+            GivenIn::Base => {}
+            GivenIn::Turned(turn) => (force, torque) = (turn.back(&force), turn.back(&torque)),
+            GivenIn::Sensor(sensor) => {
+                let rotation = (tcp * sensor.rotation).transpose();
+                torque = rotation * (torque - (tcp * sensor.position).cross(&force));
+                force = rotation * force;
+            }
         }
         GivenWrench(joined(&force, &torque))
     }

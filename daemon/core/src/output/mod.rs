@@ -68,6 +68,7 @@ pub(crate) use under_way::UnderWay;
 use crate::intake::{Accepted, Timing};
 use crate::quantities::{Instant, Span};
 use crate::surface::Surface;
+use crate::turn::Turn;
 use admittance_vocabulary::{Motion, Source};
 
 /// Which law answers.
@@ -155,6 +156,13 @@ impl<const D: usize> Output<D> {
         (self.plan, self.offset, self.under_way) = (*plan, *offset, *under_way);
         (self.limited, self.fallbacks) = (*limited, *fallbacks);
         self.handover = Handover::UnderWay;
+    }
+
+    /// Goes over to the frame that a turn leads to.
+    pub(crate) fn turn(&mut self, turn: &Turn) {
+        self.offset = turn.twist(&self.offset);
+        self.plan.turn(turn);
+        self.under_way.turn(turn);
     }
 
     /// Forgets the plan and the offset: for a reset.

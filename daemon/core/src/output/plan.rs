@@ -5,6 +5,7 @@ use nalgebra::SVector;
 
 use crate::quantities::{Instant, Span};
 use crate::surface::Surface;
+use crate::turn::Turn;
 
 /// Largest number of steps.
 pub const MAX_STEPS: usize = 32;
@@ -63,6 +64,13 @@ impl<const D: usize> Plan<D> {
             self.offsets[self.len] = offset;
             self.ends[self.len] = begun.saturating_add(duration.nanoseconds());
             self.len += 1;
+        }
+    }
+
+    /// Goes over to the frame that a turn leads to.
+    pub(super) fn turn(&mut self, turn: &Turn) {
+        for offset in &mut self.offsets[..self.len] {
+            *offset = turn.twist(offset);
         }
     }
 

@@ -5,6 +5,7 @@
 use nalgebra::SVector;
 
 use crate::quantities::{Instant, Span};
+use crate::turn::Turn;
 
 /// Commands kept. Of an instant before the oldest one nothing is known: there ṗ0 alone counts,
 /// without an offset.
@@ -59,6 +60,13 @@ impl<const D: usize> UnderWay<D> {
         }
         self.commands[self.len] = (from, offset);
         self.len += 1;
+    }
+
+    /// Goes over to the frame that a turn leads to.
+    pub(super) fn turn(&mut self, turn: &Turn) {
+        for (_, offset) in &mut self.commands[..self.len] {
+            *offset = offset.map(|offset| turn.twist(&offset));
+        }
     }
 
     /// What the joints follow between two instants, in order, where a command reaches each after

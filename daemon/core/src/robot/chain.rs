@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vecto
 
 use super::{InverseJacobian, Singular, TaskAxes, right_inverse};
 use crate::quantities::on_task_axes;
+use crate::turn::Turn;
 
 /// How a joint moves along its axis: its position q is in rad or in m, and so are velocity,
 /// acceleration, limits and rows of the Jacobian in units of it.
@@ -179,6 +180,17 @@ impl<const N: usize> Chain<N> {
     #[must_use]
     pub fn with_axes(self, axes: TaskAxes) -> Self {
         Self { axes, ..self }
+    }
+
+    /// The same arm in the base frame that a turn leads to: pose, Jacobian and task axes are in that
+    /// one.
+    #[must_use]
+    pub(crate) fn seen_from(mut self, turn: &Turn) -> Self {
+        if let Some(first) = self.joints.first_mut() {
+            let Pose { position, rotation } = turn.pose(&Pose { position: first.origin, rotation: first.rotation });
+            (first.origin, first.rotation) = (position, rotation);
+        }
+        self
     }
 
     /// The axes of the task: all, unless it was told.

@@ -32,7 +32,7 @@ mod written;
 use std::path::{Path, PathBuf};
 
 use admittance_host::config;
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, FrameName};
 use arm::{Arm, arm};
 use found::{Case, Found};
 use serde::Serialize;
@@ -125,8 +125,16 @@ fn opened(path: &Path) -> Outcome<(Recording, Config, String)> {
     let recording = Recording::open(path)?;
     let text = recording.configurations().get(&0).cloned();
     let text = text.ok_or_else(|| (Exit::DataError, format!("{}: no configuration in it", path.display())))?;
-    let config =
+    let config: Config =
         config::parse(&text, "the recorded configuration").map_err(|error| (Exit::Config, error.to_string()))?;
+    if config.task.frame != FrameName::Base {
+        let why = format!(
+            "{}: task.frame = \"{}\" in its configuration: accepted: \"base\", since samples are of its directions",
+            path.display(),
+            config.task.frame
+        );
+        return Err((Exit::Config, why));
+    }
     Ok((recording, config, text))
 }
 

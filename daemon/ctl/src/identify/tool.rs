@@ -160,7 +160,7 @@ impl Felt {
             before += (track.time_s.last().copied().unwrap_or(0.0) / BLOCK_S) as usize + 1;
         }
         let components = match conditioning.given_in {
-            GivenIn::Base => config.robot.task_axes as usize,
+            GivenIn::Base | GivenIn::Turned(_) => config.robot.task_axes as usize,
             GivenIn::Sensor(_) => 6,
         };
         Self { rows, conditioning, components }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use admittance_runner::config::{Config, GivenInName, GivenSignName, WrenchSection as WrenchConditioning};
+use admittance_runner::config::{Config, FrameName, GivenInName, GivenSignName, WrenchSection as WrenchConditioning};
 use plant_sim::pose::{self, ArmPose};
 use plant_sim::scenario::{
     MotionSection, NoiseSection, Scenario, SensorSection, StartSection, SurfaceSection, TimingSection, WrenchSection,
@@ -49,6 +49,13 @@ impl Approach {
         joints: Option<&[f64]>,
         direction: Option<&[f64]>,
     ) -> Result<Self, (Exit, String)> {
+        if config.task.frame != FrameName::Base {
+            let why = format!(
+                "task.frame = \"{}\": accepted: \"base\", whose directions the simulated forces are compared on",
+                config.task.frame
+            );
+            return Err((Exit::Config, why));
+        }
         let normal = unit(config.environment.surface_normal);
         let direction = direction_of(config, normal, direction).map_err(|why| (Exit::Usage, why))?;
         let (pose, other_joint_position_rad) = match joints {

@@ -7,10 +7,13 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use admittance_core::quantities::{AXIS_NAMES, Instant};
+use admittance_core::robot::Pose;
 use admittance_core::with_arm;
 use admittance_host::config;
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, FrameName};
+use admittance_runner::task_frame::TaskFrame;
 use ipc_types::{RecordKind, RecordSample, StateSample, TruthSample};
+use nalgebra::{Rotation3, Vector6};
 
 use super::believed::Beliefs;
 use super::changes::Changes;
@@ -56,7 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     Ok(Exit::Ok)
 }
 
-/// What one sample says of every axis.
+/// What one sample says of every direction of the task.
 struct Point {
     time_s: f64,
     force: [f64; 6],
@@ -105,10 +108,13 @@ impl Series {
                 }
                 Item::Truth(truth) => {
                     let time_s = seconds(truth.stamp_ns);
+                    let point = point_of_truth(config, &truth, time_s);
+                    // Peaks between samples are of the base frame's directions.
+                    let between = if config.task.frame == FrameName::Base { truth.peak_wrench } else { point.force };
                     series.true_peak = std::array::from_fn(|axis| {
-                        truth.peak_wrench[axis].abs().max(truth.wrench[axis].abs()).max(series.true_peak[axis])
+                        between[axis].abs().max(point.force[axis].abs()).max(series.true_peak[axis])
                     });
-                    series.truth.push(point_of_truth(&truth, time_s));
+                    series.truth.push(point);
                 }
             }
         }
@@ -118,7 +124,9 @@ impl Series {
 
     fn add(&mut self, record: Box<RecordSample>, time_s: f64, config: &Config) {
         self.cycles += 1;
-        let tcp_m = tcp_position(config, &record.state).unwrap_or([f64::NAN; 3]);
+        let tcp = tcp(config, &record.state);
+        let tcp_m = tcp.map_or([f64::NAN; 3], |tcp| tcp.position.into());
+        let frame = tcp.map(|tcp| TaskFrame::with_tool(config, &tcp.rotation));
         // Without a pose nothing is known of where the surface begins.
         if tcp_m.iter().all(|part| part.is_finite()) {
             self.beliefs.add(&record, time_s, &tcp_m);
@@ -126,7 +134,9 @@ impl Series {
         if record.command.active_axes != 0 {
             self.first_contact_s.get_or_insert(time_s);
         }
-        self.measured.push(Point { time_s, force: record.wrench, offset: record.command.velocity_offset, tcp_m });
+        let offset = Vector6::from(record.command.velocity_offset);
+        let offset = frame.map_or(offset, |frame| frame.twist(offset)).into();
+        self.measured.push(Point { time_s, force: record.wrench, offset, tcp_m });
         self.last = Some(record);
     }
 
@@ -147,15 +157,17 @@ impl Series {
     }
 }
 
-fn point_of_truth(truth: &TruthSample, time_s: f64) -> Point {
-    Point { time_s, force: truth.wrench, offset: truth.velocity_offset, tcp_m: truth.tcp_position }
+fn point_of_truth(config: &Config, truth: &TruthSample, time_s: f64) -> Point {
+    let frame = TaskFrame::with_tool(config, Rotation3::new(truth.tcp_rotation.into()).matrix());
+    let turned = |values: [f64; 6]| frame.twist(Vector6::from(values)).into();
+    Point { time_s, force: turned(truth.wrench), offset: turned(truth.velocity_offset), tcp_m: truth.tcp_position }
 }
 
-/// Where the measured joint positions put the TCP, base frame, m.
-fn tcp_position(config: &Config, state: &StateSample) -> Option<[f64; 3]> {
-    fn of<const N: usize>(config: &Config, state: &StateSample) -> Option<[f64; 3]> {
+/// Where the measured joint positions put the TCP, base frame.
+fn tcp(config: &Config, state: &StateSample) -> Option<Pose> {
+    fn of<const N: usize>(config: &Config, state: &StateSample) -> Option<Pose> {
         let joints: [f64; N] = std::array::from_fn(|joint| state.joint_position[joint]);
-        Some(config.robot.chain::<N>()?.kinematics(&joints.into()).pose.position.into())
+        Some(config.robot.chain::<N>()?.kinematics(&joints.into()).pose)
     }
     let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
     with_arm!((joints, axes), <N, _D> => of::<N>(config, state), else None)

@@ -138,7 +138,7 @@ keys! {
         |said| of_verdict(said, |of| of.verdict_margin.into()), if present;
     verdict_time_s: number, "s, from the state sample to what the verdict speaks of; with a verdict alone.",
         |said| of_verdict(said, |of| of.verdict_time_s.into()), if present;
-    wrench: axes, "N, N m: wrench of the last accepted state sample as the law sees it, robot on environment, at the TCP, base \
+    wrench: axes, "N, N m: wrench of the last accepted state sample as the law sees it, robot on environment, at the TCP, task \
         frame.", |said| said.response.wrench.to_vec();
     wrench_bias: axes, "N, N m: bias in force, as the sensor gives the wrench.", |said| said.response.wrench_bias.to_vec();
     force_limit: axes, "N, N m: f_max in force.", |said| said.response.force_limit.to_vec();

@@ -6,6 +6,7 @@ use admittance_host::config::ConfigError;
 
 use super::Config;
 use crate::parameters::parameters;
+use crate::task_frame::TaskFrame;
 
 /// Lets the law check what it would be built from; of what is not acceptable by itself nothing can be
 /// built.
@@ -16,7 +17,7 @@ pub(super) fn check_law(config: &Config, errors: &mut Vec<ConfigError>) {
     let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
     let checked = with_arm!((joints, axes), <N, D> => {
         let parameters = parameters::<N, D>(config, config.inputs_per_cycle());
-        parameters.map_or(Ok(()), |parameters: Parameters<N, D>| parameters.check())
+        parameters.map_or(Ok(()), |parameters: Parameters<N, D>| TaskFrame::of(config).see(&parameters).check())
     }, else Ok(()));
     if let Err(error) = checked {
         let (key, value) = named(config, error);

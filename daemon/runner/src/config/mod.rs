@@ -9,6 +9,8 @@ use admittance_host::realtime::RealtimeSection;
 use admittance_host::robot_description::{RobotDescription, VelocityLoopDescription};
 use admittance_host::{config_file, config_section};
 
+use crate::task_frame::TaskFrame;
+
 mod contact;
 mod control;
 mod dynamics;
@@ -20,6 +22,7 @@ mod mpc;
 mod plausibility;
 mod requests;
 mod stopping;
+mod task;
 mod unknown_surface;
 mod warnings;
 mod wrench;
@@ -35,6 +38,7 @@ pub use mpc::{
 pub use plausibility::{contact_distance_m, has_regular_pose, reach_m};
 pub use requests::RequestsSection;
 pub use stopping::{DampingSection, StoppingSection};
+pub use task::{FrameName, TaskSection};
 pub use wrench::{GivenInName, GivenSignName, WrenchSection, WrenchSourceName};
 
 config_section! {
@@ -50,6 +54,8 @@ config_section! {
         wrench: WrenchSection;
         /// Masses and friction of the arm; required with wrench.source = "motor_torque".
         dynamics: Option<DynamicsSection>;
+        /// The frame of the task.
+        task: TaskSection;
         /// Contact and force.
         contact: ContactSection;
         /// The surface.
@@ -127,7 +133,8 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
         ));
     }
     let normal = config.environment.surface_normal;
-    let in_task: f64 = config.robot.linear_axes().map(|axis| normal[axis] * normal[axis]).sum();
+    let seen = TaskFrame::of(config).vector(normal.into());
+    let in_task: f64 = config.robot.linear_axes().map(|axis| seen[axis] * seen[axis]).sum();
     if in_task < 1e-6 {
         errors.push(ConfigError::new(
             "environment.surface_normal",
@@ -150,6 +157,7 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     check_velocity_loop(config, errors);
     check_wrench_dead_time(config, errors);
     motor_torque::check_motor_torque(config, errors);
+    task::check_task_frame(config, errors);
     // What the deadband hides must be released already: hysteresis and limits see the whole force.
     let releases = config.wrench.deadband.iter().flatten().zip(&config.contact.release_threshold);
     for (axis, (deadband, release)) in releases.enumerate().filter(|(_, (deadband, release))| deadband > release) {

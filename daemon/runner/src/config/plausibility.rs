@@ -74,13 +74,15 @@ pub(super) fn check_arm(config: &Config, errors: &mut Vec<ConfigError>) {
 
 /// Whether at one of many poses the Jacobian has a reciprocal condition of at least `least`.
 pub fn has_regular_pose<const N: usize, const D: usize>(chain: &Chain<N>, least: f64) -> bool {
-    // Multiples of the golden ratio, one for each joint: evenly spread and the same each time.
+    poses::<N>().any(|position| chain.kinematics(&position).inverse::<D>(least).is_ok())
+}
+
+/// Many poses, evenly spread and the same each time.
+pub(super) fn poses<const N: usize>() -> impl Iterator<Item = SVector<f64, N>> {
+    // Multiples of the golden ratio, one for each joint.
     let angle = |pose: u32, joint: usize| {
         let share = (f64::from(pose) * 0.618_033_988_749_894_9 * (joint + 1) as f64).fract();
         (2.0 * share - 1.0) * std::f64::consts::PI
     };
-    (1..=POSES).any(|pose| {
-        let position = SVector::<f64, N>::from_fn(|joint, _| angle(pose, joint));
-        chain.kinematics(&position).inverse::<D>(least).is_ok()
-    })
+    (1..=POSES).map(move |pose| SVector::from_fn(|joint, _| angle(pose, joint)))
 }

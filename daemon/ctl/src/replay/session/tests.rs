@@ -1,7 +1,7 @@
 //! Records of a contact in virtual time, replayed.
 
 use admittance_host::robot_description::VelocityLoopDescription;
-use admittance_runner::config::GivenInName;
+use admittance_runner::config::{FrameName, GivenInName};
 use admittance_runner::cycle;
 use ipc_types::{MAX_JOINTS, StateSample};
 use plant_sim::run::VirtualRun;
@@ -12,6 +12,8 @@ use crate::recording::PRESENT_RECORD_VERSION;
 use crate::virtual_recording::VirtualRecords;
 
 const CONFIG: &str = include_str!("../../../../../deploy/demo/mpc-default.toml");
+const SIX_JOINTS: &str = include_str!("../../../../../deploy/robots/six-joint.toml");
+const SIX_JOINT_SCENARIO: &str = include_str!("../../../../../plant-sim/scenarios/six-joint.toml");
 const SCENARIO: &str = include_str!("../../../../../plant-sim/scenarios/paper.toml");
 
 fn config() -> Config {
@@ -153,6 +155,39 @@ fn a_replay_that_begins_late_knows_how_the_joints_moved() {
     // It is the record that tells.
     records[begin].joint_velocity = [0.0; MAX_JOINTS];
     assert_eq!(replay_of(config, &records[begin..]).1, 0);
+}
+
+#[test]
+fn a_replay_has_the_task_frame_that_there_was() {
+    let mut config: Config = config::parse(SIX_JOINTS, "six-joint.toml").expect("valid");
+    let mut scenario: Scenario = config::parse(SIX_JOINT_SCENARIO, "six-joint.toml").expect("valid");
+    config.contact.admittance_axes = vec![false, false, true, false, false, false];
+    // A sensor that turns with the tool, and a tool that turns from the start.
+    (config.wrench.given_in, config.wrench.tool_mass_kg) = (GivenInName::Sensor, 0.5);
+    scenario.sensor = Some(SensorSection {
+        origin_m: [0.0; 3],
+        rpy_rad: [0.0; 3],
+        in_base_axes: false,
+        reports_reaction: false,
+        bias: [0.0; 6],
+        tool_mass_kg: 0.5,
+        tool_center_of_gravity_m: [0.0; 3],
+        gravity_m_s2: config.wrench.gravity_m_s2,
+        range: None,
+    });
+    scenario.motion[0].twist = vec![0.0, 0.0, -0.05, 0.3, 0.1, 0.0];
+    for frame in [FrameName::Rpy, FrameName::Tool] {
+        (config.task.frame, config.task.rpy_rad) = (frame, [0.2, 0.1, 0.0]);
+        let records = records_of(&config, &scenario, |_, _| false);
+        assert_eq!(replay_of(config.clone(), &records), (None, records.len() as u64), "{frame}");
+        let touched = records.iter().position(|record| record.command.active_axes != 0).expect("a contact");
+        let begin = touched - RUN_IN as usize - 10;
+        let late = (records.len() - begin) as u64 - RUN_IN;
+        assert_eq!(replay_of(config.clone(), &records[begin..]), (None, late), "{frame}, begun late");
+        // Under another frame it is another answer.
+        config.task.frame = FrameName::Base;
+        assert!(replay_of(config.clone(), &records).0.is_some(), "{frame}");
+    }
 }
 
 /// What a daemon would record of a free motion whose controller pauses for so long, in ns, before the
