@@ -236,7 +236,7 @@ fn standing(cycle: u32) -> EgmRobot {
     let microseconds = u64::from(cycle) * 4000;
     let time = Some(EgmClock { sec: microseconds / 1_000_000, usec: microseconds % 1_000_000 });
     EgmRobot {
-        header: Some(EgmHeader { seqno: Some(cycle), tm: Some(4 * cycle), mtype: Some(2) }),
+        header: Some(EgmHeader { seqno: Some(cycle), tm: Some(4u32.wrapping_mul(cycle)), mtype: Some(2) }),
         feed_back: Some(EgmFeedBack { joints: joints(), time, ..EgmFeedBack::default() }),
         planned: Some(EgmPlanned { joints: joints(), ..EgmPlanned::default() }),
         motor_state: Some(EgmMotorState { state: 1 }),
