@@ -8,11 +8,10 @@ exec unshare --fork --kill-child=KILL --pid --mount --uts --ipc --cgroup --mount
 mount --make-rprivate /
 mount -t tmpfs tmpfs /srv
 cp -a /etc /srv/etc
-mkdir -p /srv/repository/deploy /srv/repository/docs /srv/repository/plant-sim /srv/repository/target/release
-cp -a "$0/deploy" /srv/repository
-cp -a "$0/docs/faults.md" /srv/repository/docs
+mkdir -p /srv/repository/plant-sim /srv/repository/target/release
+cp -a "$0/deploy" "$0/docs" /srv/repository
 cp -a "$0/plant-sim/scenarios" /srv/repository/plant-sim
-for program in admittanced admittancectl plant-sim; do
+for program in admittanced admittancectl plant-sim admittance-egm; do
     cp "$1/$program" /srv/repository/target/release
 done
 mount --bind /srv/etc /etc
