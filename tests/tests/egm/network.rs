@@ -62,7 +62,9 @@ impl Network {
         });
         let there = {
             let (shared, from, to) = (Arc::clone(&shared), Arc::clone(&to_robot), Arc::clone(&to_edge));
-            std::thread::spawn(move || shared.carry(&from, |datagram, robot| shared.to_edge(datagram, robot, &to, edge)))
+            std::thread::spawn(move || {
+                shared.carry(&from, |datagram, robot| shared.to_edge(datagram, robot, &to, edge))
+            })
         };
         let back = {
             let shared = Arc::clone(&shared);
