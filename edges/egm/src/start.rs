@@ -10,7 +10,7 @@ use admittance_client::{Arm, ControllerError, Limits};
 use admittance_core::quantities::Span;
 use admittance_host::config::{self, LoadError};
 use admittance_host::exit::ExitCode;
-use admittance_host::output::{fatal, report_panics, say_line, until_unread};
+use admittance_host::output::{fatal, say_line, until_unread};
 use admittance_host::realtime::{StepOutcome, go_real_time};
 use admittance_host::time_limit::TimeLimit;
 use admittance_host::{cpu, logging};
@@ -66,7 +66,9 @@ pub fn main_with_arm(arguments: impl Iterator<Item = OsString>, exchange: Exchan
             });
         }
     };
-    report_panics(PROGRAM);
+    // Without a backtrace, whatever the environment asks for: to find its names takes longer than CommTimeout, and the robot
+    // goes on meanwhile.
+    std::panic::set_hook(Box::new(|panic| fatal(PROGRAM, &panic.to_string())));
     match run(args, exchange) {
         Ok(()) => ExitCode::Ok,
         Err((code, why)) => {

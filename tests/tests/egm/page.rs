@@ -87,7 +87,7 @@ fn what_limits_says_of_the_shipped_file_is_slow_and_is_what_the_page_has() {
     let recommended = found["recommended"]["speed_m_s"].as_f64().expect("a speed");
     let [on_told, on_harder] = [0, 1].map(|cell| found["cells"][cell]["speed_m_s"].as_f64().expect("a speed"));
     println!("recommended {recommended} m/s; as told {on_told}, three times as hard {on_harder} m/s");
-    assert!(recommended < on_told && on_harder < on_told && on_told < 0.5, "slow: {found:#}");
+    assert!(recommended < 0.2 && on_harder < 0.2 && on_told > on_harder, "slow: {found:#}");
     for said in [format!("recommends {recommended} m/s at most"), format!("and {on_harder} m/s is all that is safe")] {
         assert!(text.contains(&said), "the page does not have {said:?}");
     }

@@ -56,19 +56,23 @@ fn daemon_file() -> Outcome<String> {
     for (key, value) in [("answer_budget_s", 0.0028), ("max_sample_age_s", 0.1)] {
         set(&mut table, "control", key, value.into());
     }
-    for (key, value) in [("lock_memory", false.into()), ("priority", 0.into())] {
-        set(&mut table, "realtime", key, value);
-    }
+    ordinary_with_locked_memory(&mut table);
     set(&mut table, "ipc", "instance", "planar".into());
     Ok(table.to_string())
+}
+
+/// Memory that is not locked becomes the process's own bit by bit as it is first used, and seems to grow.
+fn ordinary_with_locked_memory(table: &mut toml::Table) {
+    for (key, value) in [("lock_memory", true.into()), ("priority", 0.into())] {
+        set(table, "realtime", key, value);
+    }
 }
 
 fn edge_file() -> Result<(String, EdgeConfig), String> {
     let mut table: toml::Table = EDGE.parse().map_err(|error: toml::de::Error| error.to_string())?;
     set(&mut table, "egm", "listen", "127.0.0.1:0".into());
     set(&mut table, "egm", "robot_address", "127.0.0.1".into());
-    set(&mut table, "realtime", "lock_memory", false.into());
-    set(&mut table, "realtime", "priority", 0.into());
+    ordinary_with_locked_memory(&mut table);
     let text = table.to_string();
     let config = admittance_host::config::parse(&text, "edge.toml").map_err(|error| error.to_string())?;
     Ok((text, config))
