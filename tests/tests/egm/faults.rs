@@ -72,6 +72,8 @@ enum End {
     Stands,
     /// The same, until another session of the robot has begun: in free motion that goes on, in contact it is held.
     StandsUntilAnew,
+    /// It stands as well; in contact the daemon, which answers all the while, leads it out of the surface first.
+    Retreats,
     /// The robot is no longer told anything: it keeps its last speed until CommTimeout, and stands then.
     CommTimeout,
 }
@@ -92,6 +94,9 @@ const SCRIPTED_S: f64 = 0.3;
 /// How long after the last message that counted another session leads the arm at the earliest, s: 0.1 until it begins, and then it
 /// listens to the robot's clock for 50 messages.
 const ANEW_S: f64 = 0.28;
+
+/// How long the daemon leads it out of the surface, s: `stopping.retreat_time_s`.
+const RETREAT_S: f64 = 0.1;
 
 struct Run {
     truths: Vec<TruthSample>,
@@ -133,6 +138,9 @@ fn run(injection: Injection, situation: Situation, edge: &mut Command) -> Run {
     assert!(began_ns > 0, "the scenario ended before the fault");
     let touched = truths.iter().any(|truth| truth.in_contact == 1);
     assert_eq!(touched, situation == Situation::Contact, "it touches in contact, and only there");
+    let before = truths.iter().rev().find(|truth| truth.stamp_ns <= began_ns).expect("it ran before the fault");
+    let speed = fastest(before);
+    assert!(speed > 10.0 * STANDS, "it did not move before the fault: {speed} rad/s");
     Run { truths, said, began_ns, cell }
 }
 
@@ -159,7 +167,7 @@ impl Run {
     }
 
     /// Whether it ended so: what is wrong otherwise.
-    fn verify(&self, end: End, lasts_s: f64) {
+    fn verify(&self, end: End, stands_s: f64, lasts_s: f64) {
         let (most, before) = self.force();
         let bound = |moving_s: f64| MARGIN * (before + STIFFNESS * INWARD * moving_s) + MARGIN_N;
         let stands_from = |from_s: f64| {
@@ -174,8 +182,8 @@ impl Run {
                 assert!(self.fastest(lasts_s, f64::INFINITY) > 10.0 * STANDS, "it does not go on");
                 assert!(!has_timed_out && peak(&self.truths) <= MOST, "{most} N: {}", self.said);
             }
-            End::Stands | End::StandsUntilAnew => {
-                stands_from(COMM_TIMEOUT_S);
+            End::Stands | End::StandsUntilAnew | End::Retreats => {
+                stands_from(stands_s);
                 assert!(!has_timed_out, "{}", self.said);
                 assert!(most <= bound(PLAN_S), "{most} N; {before} N before, {} N accepted", bound(PLAN_S));
             }
@@ -213,7 +221,8 @@ fn verify_by(
         let (most, before) = run.force();
         let speeds = [0.0, 0.05, COMM_TIMEOUT_S].map(|from_s| run.fastest(from_s, from_s + 0.05));
         println!("{name}, {situation:?}: {before:.1} N, then {most:.1} N at most; fastest joint {speeds:.5?} rad/s");
-        run.verify(end, lasts_s);
+        let retreat_s = if (end, situation) == (End::Retreats, Situation::Contact) { RETREAT_S } else { 0.0 };
+        run.verify(end, COMM_TIMEOUT_S + retreat_s, lasts_s);
         also(&mut run.cell);
     });
 }
@@ -234,6 +243,7 @@ fn scripted(kind: FaultKind) -> Option<End> {
         | Kind::InfTwistReference => None,
         Kind::Overrun | Kind::LateStamp | Kind::SequenceJump => Some(End::GoesOn),
         Kind::CommandLoss => Some(End::CommTimeout),
+        Kind::NanWrench | Kind::InfWrench | Kind::WrenchInvalid => Some(End::Retreats),
         _ => Some(End::Stands),
     }
 }
@@ -270,7 +280,7 @@ fn clock(message: &mut EgmRobot) -> &mut egm_messages::EgmClock {
 
 /// What may come of a message on the way, or from a robot that is told otherwise. Cut links come last.
 const OF_THE_NETWORK: [(&str, ToEdge, ToRobot, End); 20] = {
-    use End::{CommTimeout, Stands, StandsUntilAnew};
+    use End::{CommTimeout, Retreats, Stands, StandsUntilAnew};
     use ToEdge::{Change, Lose, Mangle};
     const THERE: ToRobot = ToRobot::Pass;
     [
@@ -291,7 +301,7 @@ const OF_THE_NETWORK: [(&str, ToEdge, ToRobot, End); 20] = {
             THERE,
             Stands,
         ),
-        ("no force", Change(|message| message.measured_force = None), THERE, Stands),
+        ("no force", Change(|message| message.measured_force = None), THERE, Retreats),
         ("clock back", Change(|message| clock(message).sec -= 10), THERE, StandsUntilAnew),
         ("random bytes", Mangle(|bytes| bytes.iter_mut().for_each(|byte| *byte ^= 0xA5)), THERE, Stands),
         ("half a message", Mangle(|bytes| bytes.truncate(bytes.len() / 2)), THERE, Stands),
@@ -347,7 +357,7 @@ fn a_daemon_that_is_started_again_goes_on_in_free_motion_and_holds_in_contact() 
         let run = run(Injection::Process(restart), Situation::Free, &mut edge());
         let ended = run.truths.iter().find(|truth| fastest(truth) < RESTS && truth.scenario_time_s > 0.15);
         assert!(ended.is_some(), "the arm stood while there was no daemon");
-        run.verify(End::GoesOn, 0.0);
+        run.verify(End::GoesOn, COMM_TIMEOUT_S, 0.0);
     });
     let started_in_contact = |cell: &mut Cell| {
         assert!(cell.daemon.stderr().contains("StartedInContact"), "{}", cell.daemon.report());
@@ -416,7 +426,7 @@ fn ends_in_zeros(
         println!("{name}, {situation:?}: {before:.1} N, then {most:.1} N at most");
         assert!(run.said.contains("CommTimeout"), "{}", run.said);
         run.said.clear();
-        run.verify(End::Stands, f64::INFINITY);
+        run.verify(End::Stands, COMM_TIMEOUT_S, f64::INFINITY);
         also(&mut run.cell);
     });
 }
