@@ -8,23 +8,23 @@ use end_to_end::session::{drive_plant_by, plant_command, start_daemon, wait_for_
 use end_to_end::{Child, PrivateIpc, binaries};
 use ipc_types::TruthSample;
 
-pub const DAEMON: &str = include_str!("../../../deploy/egm/six-joint.toml");
-pub const EDGE: &str = include_str!("../../../deploy/egm/six-joint.egm.toml");
-pub const SCENARIO: &str = include_str!("../../../plant-sim/scenarios/six-joint-egm.toml");
+pub(crate) const DAEMON: &str = include_str!("../../../deploy/egm/six-joint.toml");
+pub(crate) const EDGE: &str = include_str!("../../../deploy/egm/six-joint.egm.toml");
+pub(crate) const SCENARIO: &str = include_str!("../../../plant-sim/scenarios/six-joint-egm.toml");
 /// f_max in N, and what the linear model may miss of it.
-pub const MOST: f64 = 150.0 + 0.5;
+pub(crate) const MOST: f64 = 150.0 + 0.5;
 
 /// What the programs are told.
 #[derive(Debug, Clone)]
-pub struct Files {
-    pub daemon: String,
-    pub edge: String,
-    pub scenario: String,
+pub(crate) struct Files {
+    pub(crate) daemon: String,
+    pub(crate) edge: String,
+    pub(crate) scenario: String,
 }
 
 impl Files {
     /// What is shipped, on this host, with what a machine needs that is busy with other tests.
-    pub fn shipped() -> Self {
+    pub(crate) fn shipped() -> Self {
         let daemon = [
             ("control.answer_budget_s", "0.0028"),
             ("control.max_sample_age_s", "0.1"),
@@ -41,35 +41,44 @@ impl Files {
     }
 
     /// The same with a daemon that bears more cycles without its answer than are shipped.
-    pub fn patient() -> Self {
+    pub(crate) fn patient() -> Self {
         let mut files = Self::shipped();
         files.daemon = with_keys(&files.daemon, &[("control.max_consecutive_fallbacks", "20")]);
         files
     }
+
+    /// With the priorities that are shipped: other programs do not hold these up. Who has no right to them runs as ever.
+    pub(crate) fn real_time(mut self) -> Self {
+        for (file, priority) in [(&mut self.daemon, "85"), (&mut self.edge, "86"), (&mut self.scenario, "80")] {
+            *file = with_keys(file, &[("realtime.priority", priority)]);
+        }
+        self.scenario = with_keys(&self.scenario, &[("realtime.cpu", "0")]);
+        self
+    }
 }
 
 /// Daemon and edge of one robot.
-pub struct Cell {
-    pub ipc: PrivateIpc,
-    pub edge: Child,
-    pub daemon: Child,
+pub(crate) struct Cell {
+    pub(crate) ipc: PrivateIpc,
+    pub(crate) edge: Child,
+    pub(crate) daemon: Child,
     /// Where the edge awaits the robot.
-    pub port: u16,
+    pub(crate) port: u16,
     scenario: String,
     daemon_file: PathBuf,
 }
 
 impl Cell {
-    pub fn start() -> Self {
+    pub(crate) fn start() -> Self {
         Self::of(&Files::patient())
     }
 
-    pub fn of(files: &Files) -> Self {
+    pub(crate) fn of(files: &Files) -> Self {
         Self::with_edge(files, &mut Command::new(&binaries().admittance_egm))
     }
 
     /// With another program in the edge's place, which takes the same arguments.
-    pub fn with_edge(files: &Files, edge: &mut Command) -> Self {
+    pub(crate) fn with_edge(files: &Files, edge: &mut Command) -> Self {
         let ipc = PrivateIpc::new("egm");
         let daemon_file = write(&ipc, "daemon.toml", &files.daemon);
         tell_edge(edge, &ipc, &write(&ipc, "edge.toml", &files.edge), &daemon_file);
@@ -83,12 +92,12 @@ impl Cell {
     }
 
     /// Starts another daemon once the last one has ended.
-    pub fn start_another_daemon(&mut self) {
+    pub(crate) fn start_another_daemon(&mut self) {
         self.daemon = start_daemon(&self.ipc, &self.daemon_file);
     }
 
     /// The emulated robot, whose messages go to `edge`.
-    pub fn plant(&self, changes: &[(&str, &str)], edge: SocketAddr) -> Command {
+    pub(crate) fn plant(&self, changes: &[(&str, &str)], edge: SocketAddr) -> Command {
         let scenario = write(&self.ipc, "scenario.toml", &with_keys(&self.scenario, changes));
         let mut command = plant_command(&self.ipc, &scenario);
         command.args(["--egm", &edge.to_string()]);
@@ -96,12 +105,12 @@ impl Cell {
     }
 
     /// Where the edge awaits the robot.
-    pub fn address(&self) -> SocketAddr {
+    pub(crate) fn address(&self) -> SocketAddr {
         SocketAddr::from(([127, 0, 0, 1], self.port))
     }
 
     /// Runs the emulated robot to its end; `each` sees every truth. What it said comes as well.
-    pub fn run(
+    pub(crate) fn run(
         &mut self,
         changes: &[(&str, &str)],
         each: impl FnMut(&mut Self, &mut Child, &TruthSample),
@@ -111,7 +120,7 @@ impl Cell {
     }
 
     /// The same where the robot's messages go to `edge`.
-    pub fn run_by(
+    pub(crate) fn run_by(
         &mut self,
         changes: &[(&str, &str)],
         edge: SocketAddr,
@@ -125,7 +134,7 @@ impl Cell {
 }
 
 /// The arguments of an edge between these files in this place.
-pub fn tell_edge(command: &mut Command, ipc: &PrivateIpc, edge: &std::path::Path, daemon: &std::path::Path) {
+pub(crate) fn tell_edge(command: &mut Command, ipc: &PrivateIpc, edge: &std::path::Path, daemon: &std::path::Path) {
     let settings = ipc.settings();
     command.arg("--config").arg(edge).arg("--daemon-config").arg(daemon);
     command.arg("--root-path").arg(&settings.root_path);
@@ -133,11 +142,11 @@ pub fn tell_edge(command: &mut Command, ipc: &PrivateIpc, edge: &std::path::Path
 }
 
 /// Speed of the fastest joint, rad/s.
-pub fn fastest(truth: &TruthSample) -> f64 {
+pub(crate) fn fastest(truth: &TruthSample) -> f64 {
     truth.joint_velocity.iter().fold(0.0, |most, speed| speed.abs().max(most))
 }
 
 /// Largest true normal force, N.
-pub fn peak(truths: &[TruthSample]) -> f64 {
+pub(crate) fn peak(truths: &[TruthSample]) -> f64 {
     truths.iter().map(|truth| truth.peak_normal_force_n).fold(0.0, f64::max)
 }

@@ -1,6 +1,6 @@
 //! Touch, slide, stop and lift-off.
 
-use end_to_end::session::{ctl_command, output, with_keys};
+use end_to_end::session::{ctl_command, output};
 use end_to_end::{Need, PATIENCE, needs, undisturbed};
 use ipc_types::TruthSample;
 
@@ -57,14 +57,9 @@ fn the_answer_to_each_message_goes_out_before_the_next_one() {
     if !needs(Need::Root) {
         return;
     }
-    let mut files = Files::patient();
-    for (file, priority) in [(&mut files.daemon, "85"), (&mut files.edge, "86"), (&mut files.scenario, "80")] {
-        *file = with_keys(file, &[("realtime.priority", priority), ("realtime.lock_memory", "true")]);
-    }
-    files.scenario = with_keys(&files.scenario, &[("realtime.cpu", "0"), ("egm.jitter_s", "0.0")]);
     undisturbed(|| {
-        let mut cell = Cell::of(&files);
-        let (truths, said) = cell.run(&[], |_, _, _| {});
+        let mut cell = Cell::of(&Files::patient().real_time());
+        let (truths, said) = cell.run(&[("egm.jitter_s", "0.0")], |_, _, _| {});
         let late = within(&truths, 0.0, STANDS_UNTIL_S).filter(|truth| truth.missed == 1).count();
         cell.edge.terminate();
         assert_eq!(cell.edge.wait_for_exit(PATIENCE).code(), Some(0), "{}", cell.edge.report());

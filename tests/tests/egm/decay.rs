@@ -20,7 +20,7 @@ fn norm(speeds: &[f64]) -> f64 {
 
 /// What is sent from some cycles before `end` on, which comes at this time of the scenario.
 fn sent_around(end: impl Fn(&mut Cell, &Network), at_s: f64) -> (Vec<f64>, Vec<f64>) {
-    let mut cell = Cell::with_edge(&Files::shipped(), &mut Command::new(&binaries().admittance_egm));
+    let mut cell = Cell::with_edge(&Files::shipped().real_time(), &mut Command::new(&binaries().admittance_egm));
     let network = Network::before(cell.address());
     let mut ended_ns = 0;
     cell.run_by(&[("egm.jitter_s", "0.0")], network.address, |cell, _, truth| {
@@ -82,7 +82,7 @@ fn a_robot_that_is_not_heard_is_sent_a_speed_that_decays() {
 #[test]
 fn a_loop_that_fails_lets_the_speed_decay() {
     undisturbed(|| {
-        let mut cell = Cell::with_edge(&Files::shipped(), &mut Command::new(&binaries().failing_edge));
+        let mut cell = Cell::with_edge(&Files::shipped().real_time(), &mut Command::new(&binaries().failing_edge));
         let network = Network::before(cell.address());
         let mut failed_ns = 0;
         cell.run_by(&[], network.address, |cell, _, truth| {

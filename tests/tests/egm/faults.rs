@@ -78,6 +78,9 @@ enum End {
     CommTimeout,
 }
 
+/// What is done to a process, with its name.
+type ToProcess = (&'static str, fn(&mut Cell));
+
 /// How a fault comes.
 #[derive(Clone, Copy)]
 enum Injection {
@@ -115,14 +118,14 @@ fn run(injection: Injection, situation: Situation, edge: &mut Command) -> Run {
     };
     let changes = situation.changes(&fault);
     let changes: Vec<(&str, &str)> = changes.iter().map(|(key, value)| (*key, value.as_str())).collect();
-    let mut cell = Cell::with_edge(&Files::shipped(), edge);
+    let mut cell = Cell::with_edge(&Files::shipped().real_time(), edge);
     let network = Network::before(cell.address());
-    let mut began_ns = 0;
+    let (mut began_ns, mut due_ns) = (0, 0);
     let (truths, said) = cell.run_by(&changes, network.address, |cell, _, truth| {
         if began_ns > 0 || truth.scenario_time_s < begins_s {
             return;
         }
-        began_ns = truth.stamp_ns;
+        (began_ns, due_ns) = (truth.stamp_ns, truth.stamp_ns);
         match injection {
             Injection::Scripted(_) => {}
             Injection::Network(to_edge, to_robot) => {
@@ -138,7 +141,7 @@ fn run(injection: Injection, situation: Situation, edge: &mut Command) -> Run {
     assert!(began_ns > 0, "the scenario ended before the fault");
     let touched = truths.iter().any(|truth| truth.in_contact == 1);
     assert_eq!(touched, situation == Situation::Contact, "it touches in contact, and only there");
-    let before = truths.iter().rev().find(|truth| truth.stamp_ns <= began_ns).expect("it ran before the fault");
+    let before = truths.iter().rev().find(|truth| truth.stamp_ns <= due_ns).expect("it ran before the fault");
     let speed = fastest(before);
     assert!(speed > 10.0 * STANDS, "it did not move before the fault: {speed} rad/s");
     Run { truths, said, began_ns, cell }
@@ -289,7 +292,7 @@ const OF_THE_NETWORK: [(&str, ToEdge, ToRobot, End); 20] = {
         ("another type", Change(|message| message.header.as_mut().expect("there").mtype = Some(1)), THERE, Stands),
         ("no feedback", Change(|message| message.feed_back = None), THERE, Stands),
         ("no planned path", Change(|message| message.planned = None), THERE, Stands),
-        ("five joints", Change(|message| drop(joints(message).pop())), THERE, Stands),
+        ("five joints", Change(|message| joints(message).truncate(5)), THERE, Stands),
         ("a joint out of reach", Change(|message| joints(message)[2] = 1e300), THERE, Stands),
         ("motors off", Change(|message| message.motor_state.as_mut().expect("there").state = 2), THERE, Stands),
         ("motors not told", Change(|message| message.motor_state = None), THERE, Stands),
@@ -332,7 +335,7 @@ fn every_fault_of_the_network_in_contact_ends_in_a_standstill_before_comm_timeou
 
 #[test]
 fn a_daemon_that_is_killed_stopped_or_asked_to_end_leaves_an_arm_that_stands() {
-    let faults: [(&str, fn(&mut Cell)); 3] = [
+    let faults: [ToProcess; 3] = [
         ("daemon killed", |cell| cell.daemon.signal(libc::SIGKILL)),
         ("daemon stopped", |cell| cell.daemon.signal(libc::SIGSTOP)),
         ("daemon asked to end", |cell| cell.daemon.terminate()),
@@ -434,7 +437,7 @@ fn ends_in_zeros(
 /// What nobody can help: the emulated robot does go on by itself until CommTimeout, which is what the page says.
 #[test]
 fn an_edge_that_is_killed_or_stopped_leaves_the_robot_to_comm_timeout() {
-    let faults: [(&str, fn(&mut Cell)); 2] = [
+    let faults: [ToProcess; 2] = [
         ("edge killed", |cell| cell.edge.signal(libc::SIGKILL)),
         ("edge stopped", |cell| cell.edge.signal(libc::SIGSTOP)),
     ];

@@ -11,7 +11,7 @@ use egm_messages::{EgmRobot, EgmSensor, Message};
 
 /// What becomes of the robot's messages.
 #[derive(Clone, Copy)]
-pub enum ToEdge {
+pub(crate) enum ToEdge {
     Pass,
     Lose,
     /// They come with something else in them.
@@ -22,13 +22,13 @@ pub enum ToEdge {
 
 /// What becomes of the edge's.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum ToRobot {
+pub(crate) enum ToRobot {
     Pass,
     Lose,
 }
 
 /// Joint speeds in degrees/s that the edge sent, and when (CLOCK_MONOTONIC, ns).
-pub type Sent = (u64, Vec<f64>);
+pub(crate) type Sent = (u64, Vec<f64>);
 
 struct Shared {
     end: AtomicBool,
@@ -38,15 +38,15 @@ struct Shared {
 }
 
 /// A network between one robot and one edge.
-pub struct Network {
+pub(crate) struct Network {
     /// Where the robot finds the edge.
-    pub address: SocketAddr,
+    pub(crate) address: SocketAddr,
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
 }
 
 impl Network {
-    pub fn before(edge: SocketAddr) -> Self {
+    pub(crate) fn before(edge: SocketAddr) -> Self {
         let socket = || {
             let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port is free");
             socket.set_read_timeout(Some(Duration::from_millis(20))).expect("a socket");
@@ -74,12 +74,12 @@ impl Network {
     }
 
     /// From now on it does this.
-    pub fn become_like(&self, to_edge: ToEdge, to_robot: ToRobot) {
+    pub(crate) fn become_like(&self, to_edge: ToEdge, to_robot: ToRobot) {
         *lock(&self.shared.way) = (to_edge, to_robot);
     }
 
     /// What the edge has sent, also what was lost on the way.
-    pub fn sent(&self) -> Vec<Sent> {
+    pub(crate) fn sent(&self) -> Vec<Sent> {
         lock(&self.shared.sent).clone()
     }
 }

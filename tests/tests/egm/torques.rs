@@ -66,7 +66,7 @@ fn torques_reach_the_daemon_in_newton_metres_on_the_joints_side() {
     for cycle in 1..300_u32 {
         let mut message = standing(cycle);
         // First with torques, then with one too few.
-        let torques = vec![0.5, 0.25, -20.0, 3.0, 8.0, -1.0];
+        let torques = [0.5, 0.25, -20.0, 3.0, 8.0, -1.0];
         message.torque_ref = Some(EgmJoints { joints: torques[..if cycle < 150 { 6 } else { 5 }].to_vec() });
         robot.send_to(&message.encode_to_vec(), cell.address()).expect("sent");
         let next = begun + Duration::from_millis(4) * cycle;
