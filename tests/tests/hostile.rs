@@ -72,12 +72,6 @@ fn an_edge_that_is_broken_on_purpose_is_found() {
     let broken = [
         ("echo 'thread panicked' >&2; exec $edge \"$@\"", "the edge: thread panicked"),
         ("(sleep 5; kill $$) & exec $edge \"$@\"", "the edge process ended with exit status: 0"),
-        // Every joint may be told a hundred times as much as the robot can.
-        (
-            "sed -i 's/^joint_speed_limit_deg_s = .*/joint_speed_limit_deg_s = [9e3, 9e3, 9e3, 9e3, 9e3, 9e3]/' \"$2\"; \
-             exec $edge \"$@\"",
-            "an answer of",
-        ),
     ];
     for (script, expected) in broken {
         let (code, text) = edge_attacked(script);
