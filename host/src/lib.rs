@@ -8,6 +8,7 @@ pub mod exit;
 pub mod ipc_section;
 pub mod logging;
 pub mod output;
+pub mod readable;
 pub mod realtime;
 pub mod robot_description;
 pub mod time_limit;

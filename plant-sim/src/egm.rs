@@ -24,6 +24,8 @@ use network::Network;
 
 /// Before each message the plant stops sleeping and spins.
 const SPIN_NS: u64 = 150_000;
+/// Before the end of a cycle the answer is awaited no longer: the arm has to move on.
+const INTEGRATION_NS: u64 = 1_000_000;
 
 /// Runs a scenario to its end, with the edge at `edge`.
 ///
@@ -77,12 +79,15 @@ pub(crate) fn run(
         if plant.publishes() {
             network.send(&controller.message(plant.sample()));
         }
+        // It acts with the next cycle, whenever in this one it comes: what is left of the cycle is the plant's own.
+        let answered_ns = network.await_datagram(plant.cycle_end_ns().saturating_sub(INTEGRATION_NS));
         let told = controller.told();
         let applied = match told {
             Told::Speeds(_) => Applied::Offset([0.0; TASK_AXES]),
             Told::Nothing => Applied::Hold,
         };
-        let timing = CycleTiming { answer_time_ns: 0, lateness_ns };
+        let answer_time_ns = answered_ns.map_or(0, |answered_ns| answered_ns.saturating_sub(stamp));
+        let timing = CycleTiming { answer_time_ns, lateness_ns };
         let truth = plant.led_truth(&Led { timing, applied, missed: is_missed, missed_commands: controller.missed() });
         summary.add(&truth);
         if let Ok(slot) = truths.loan_uninit() {

@@ -1,6 +1,7 @@
 """ABBRobotEGM, which nobody here wrote, on both sides: as the sensor of the emulated robot, and its messages as a robot's.
 
-abb_robot_egm.py sensor SCENARIO PLANT_SIM ARGUMENT...   1000 cycles of joint speeds to plant-sim --egm, which it starts
+abb_robot_egm.py sensor PLANT_SIM ARGUMENT...            1000 cycles of joint speeds to plant-sim --egm, which it starts
+abb_robot_egm.py torques PLANT_SIM ARGUMENT...           50 cycles of standstill: what its motors' torques are read as
 abb_robot_egm.py robot PORT                              is a robot at rest for 200 messages; the edge answers at PORT
 Prints one JSON object."""
 
@@ -19,7 +20,8 @@ CYCLES = 1000
 SPEED = numpy.array([1.0, -2.0, 3.0, 0.5, -0.5, 4.0])
 
 
-def sensor(program):
+def session(program, cycles, speed):
+    """What the emulated robot says while it is sent these speeds."""
     # A free port: the package takes no 0.
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("", 0))
@@ -28,14 +30,23 @@ def sensor(program):
         robot = subprocess.Popen(program + ["--egm", f"127.0.0.1:{port}"])
         try:
             states = []
-            while len(states) < CYCLES:
+            while len(states) < cycles:
                 there, state = egm.receive_from_robot(5.0)
                 assert there, "the emulated robot is silent"
-                assert egm.send_to_robot(None, speed_ref=SPEED), "nothing was sent"
+                assert egm.send_to_robot(None, speed_ref=speed), "nothing was sent"
                 states.append(state)
         finally:
             robot.terminate()
             robot.wait()
+    return states
+
+
+def torques(program):
+    return {"torques": list(session(program, 50, numpy.zeros(6))[-1].torque_ref)}
+
+
+def sensor(program):
+    states = session(program, CYCLES, SPEED)
     first, last = states[CYCLES // 2], states[-1]
     seconds = (last.clock.seconds - first.clock.seconds) + 1e-6 * (last.clock.microseconds - first.clock.microseconds)
     return {
@@ -87,4 +98,5 @@ def robot(port):
     }
 
 
-print(json.dumps(sensor(sys.argv[2:]) if sys.argv[1] == "sensor" else robot(int(sys.argv[2]))))
+said = {"sensor": sensor, "torques": torques, "robot": lambda arguments: robot(int(arguments[0]))}
+print(json.dumps(said[sys.argv[1]](sys.argv[2:])))

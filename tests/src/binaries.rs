@@ -17,6 +17,8 @@ pub struct Binaries {
     pub admittancectl: PathBuf,
     /// The edge to ABB robots.
     pub admittance_egm: PathBuf,
+    /// The same with a loop that fails when it is told to.
+    pub failing_edge: PathBuf,
     /// What developers measure with.
     pub admittance_lab: PathBuf,
     /// The C client, from which its libraries are installed.
@@ -42,7 +44,7 @@ fn build() -> Binaries {
     let mut child = Command::new(cargo)
         // All members and a test, as for `cargo test`: features of a dependency are chosen for what is
         // built together, and other features are another build of everything.
-        .args(["build", "--workspace", "--bins", "--lib", "--test", "c_client"])
+        .args(["build", "--workspace", "--bins", "--lib", "--test", "c_client", "--example", "failing_edge"])
         .arg("--message-format=json-render-diagnostics")
         .args(["--profile", profile(&test)])
         .current_dir(root)
@@ -64,6 +66,7 @@ fn build() -> Binaries {
         plant_sim: path("plant-sim"),
         admittancectl: path("admittancectl"),
         admittance_egm: path("admittance-egm"),
+        failing_edge: path("failing_edge"),
         admittance_lab: path("admittance-lab"),
         client_archive: path("admittance_client_c"),
         plant_library: path("plant_library"),
@@ -89,7 +92,7 @@ fn artifact(message: &str) -> Option<(String, PathBuf)> {
         let files = message["filenames"].as_array()?;
         files.iter().filter_map(|file| file.as_str()).find(|file| file.ends_with(ending))
     };
-    let path = if is_of("bin") {
+    let path = if is_of("bin") || is_of("example") {
         message["executable"].as_str()?
     } else if is_of("staticlib") {
         file(".a")?

@@ -10,6 +10,7 @@ pub mod c_controller;
 mod child;
 pub mod closed_loop;
 mod driven_clock;
+pub mod egm_robot;
 pub mod fault_matrix;
 mod machine;
 pub mod motor_torque;

@@ -55,6 +55,34 @@ fn what_is_broken_on_purpose_is_found() {
     }
 }
 
+/// The same of admittance-egm, which `$edge` is.
+fn edge_attacked(script: &str) -> (Option<i32>, String) {
+    let ipc = PrivateIpc::new("planar");
+    let edge = binaries().admittance_egm.display();
+    let program = player(ipc.directory(), &format!("edge={edge}\n{script}"));
+    let mut lab = Command::new(&binaries().admittance_lab);
+    lab.args(["hostile", "--seed", "1", "--index", "0", "--datagrams", "4000", "--edge"]).arg(program).arg("egm");
+    lab.env("TMPDIR", ipc.directory());
+    let output = lab.output().expect("it starts");
+    (output.status.code(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
+}
+
+#[test]
+fn an_edge_that_is_broken_on_purpose_is_found() {
+    let broken = [
+        ("echo 'thread panicked' >&2; exec $edge \"$@\"", "the edge: thread panicked"),
+        ("(sleep 5; kill $$) & exec $edge \"$@\"", "the edge process ended with exit status: 0"),
+    ];
+    for (script, expected) in broken {
+        let (code, text) = edge_attacked(script);
+        println!("{text}");
+        assert_eq!((code, text.contains(expected)), (Some(1), true), "{script}: {text}");
+        assert!(text.contains("FOUND: admittance-lab hostile egm --seed 1 --index 0 --datagrams 4000"), "{text}");
+    }
+    let (code, text) = edge_attacked("exec $edge \"$@\"");
+    assert_eq!((code, text.contains("found in 0")), (Some(0), true), "{text}");
+}
+
 #[test]
 fn a_daemon_that_is_not_broken_is_none_of_it() {
     let (code, text) = attacked("restarts", "exec $daemon \"$@\"");

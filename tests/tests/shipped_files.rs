@@ -3,12 +3,16 @@
 
 use std::path::{Path, PathBuf};
 
+use admittance_egm::config::EdgeConfig;
 use admittance_host::config::{load, mutation::check_every_key};
 use admittance_runner::config::Config;
 use admittance_runner::cycle;
 use end_to_end::closed_loop::Experiment;
 use end_to_end::session::{MPC_PAPER, PAPER_SCENARIO};
 use plant_sim::scenario::{Scenario, SensorSection};
+
+const EDGE: &str = include_str!("../../deploy/egm/six-joint.egm.toml");
+const SCENARIO_BY_EGM: &str = include_str!("../../plant-sim/scenarios/six-joint-egm.toml");
 
 fn toml_files(directory: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(directory);
@@ -21,7 +25,19 @@ fn toml_files(directory: &str) -> Vec<PathBuf> {
 
 #[test]
 fn shipped_configs_and_scenarios_are_valid_and_describe_something_that_starts() {
-    for path in [toml_files("deploy/robots"), toml_files("deploy/demo")].concat() {
+    let (edges, of_egm): (Vec<PathBuf>, Vec<PathBuf>) =
+        toml_files("deploy/egm").into_iter().partition(|path| path.to_string_lossy().ends_with(".egm.toml"));
+    assert!(!edges.is_empty());
+    for path in edges {
+        let edge: EdgeConfig = load(&path).unwrap_or_else(|error| panic!("{error}"));
+        // It stands beside a daemon's file whose arm it fits.
+        let daemon = PathBuf::from(path.to_string_lossy().replace(".egm.toml", ".toml"));
+        let daemon: Config = load(&daemon).unwrap_or_else(|error| panic!("{error}"));
+        let units = admittance_egm::config::units(&daemon);
+        edge.egm.speed_limit(&units).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        edge.egm.torque_factors(units.len(), daemon.wrench.source).unwrap_or_else(|error| panic!("{error}"));
+    }
+    for path in [toml_files("deploy/robots"), toml_files("deploy/demo"), of_egm].concat() {
         let config: Config = load(&path).unwrap_or_else(|error| panic!("{error}"));
         cycle::build(&config).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         config.ipc.settings(None, None, None).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -103,8 +119,11 @@ fn every_key_missing_unknown_out_of_range_or_of_the_wrong_type_is_named() {
     let daemon = check_every_key::<Config>(MPC_PAPER).unwrap_or_else(|failures| panic!("{}", failures.join("\n")));
     let plant =
         check_every_key::<Scenario>(PAPER_SCENARIO).unwrap_or_else(|failures| panic!("{}", failures.join("\n")));
-    println!("{daemon} wrong configurations and {plant} wrong scenarios");
-    assert!(daemon > 100 && plant > 80, "{daemon} and {plant} are too few for all keys");
+    let edge = check_every_key::<EdgeConfig>(EDGE).unwrap_or_else(|failures| panic!("{}", failures.join("\n")));
+    let robot =
+        check_every_key::<Scenario>(SCENARIO_BY_EGM).unwrap_or_else(|failures| panic!("{}", failures.join("\n")));
+    println!("{daemon} wrong configurations, {plant} and {robot} wrong scenarios, {edge} wrong files of the EGM edge");
+    assert!(daemon > 100 && plant > 80 && robot > 80 && edge > 25, "{daemon}, {plant}, {robot} and {edge} are too few");
 }
 
 #[test]

@@ -59,10 +59,13 @@ fn of_a_directory_every_file_is_checked() {
     let put = |name: &str, text: &str| std::fs::write(directory.join(name), text).expect("written");
     put("a.toml", MPC_PAPER);
     put("b.scenario.toml", PAPER_SCENARIO);
+    put("c.egm.toml", include_str!("../../deploy/egm/six-joint.egm.toml"));
     put("notes.txt", "mine");
     let (code, text) = validate(&[], &directory);
     assert_eq!(code, Some(0), "{text}");
-    assert!(text.contains("a.toml: valid") && text.contains("b.scenario.toml: valid"), "{text}");
+    for file in ["a.toml", "b.scenario.toml", "c.egm.toml"] {
+        assert!(text.contains(&format!("{file}: valid")), "{text}");
+    }
     assert!(text.contains("notes.txt: left out"), "{text}");
     put("0.toml", &with_keys(MPC_PAPER, &[("mpc.horizn", "5")]));
     pipe(&directory.join("p.toml"));
@@ -71,6 +74,23 @@ fn of_a_directory_every_file_is_checked() {
     for expected in ["did you mean mpc.horizon", "a.toml: valid", "p.toml: cannot be read: it is a pipe"] {
         assert!(text.contains(expected), "{text}");
     }
+}
+
+/// What may be said of admittance-egm, and how it is wrong, is told as for the daemon.
+#[test]
+fn the_edge_s_keys_are_listed_and_its_file_is_checked() {
+    let ctl = || Command::new(&binaries().admittancectl);
+    let (code, keys) = output(ctl().args(["validate", "--egm", "--keys"]));
+    assert_eq!(code, Some(0), "{keys}");
+    for key in ["egm.listen", "egm.robot_address", "egm.joint_speed_limit_deg_s", "egm.torque_factor", "realtime.cpu"] {
+        assert!(keys.contains(&format!("`{key}`")), "{key}: {keys}");
+    }
+    let ipc = PrivateIpc::new("planar");
+    let file =
+        write(&ipc, "robot.egm.toml", "[egm]\nrobot_address = \"robot\"\njoint_speed_limit_deg_s = [9.0, 9.0]\n");
+    let (code, said) = validate(&["--egm"], &file);
+    assert_eq!(code, Some(78), "{said}");
+    assert!(said.contains("robot.egm.toml:2: egm.robot_address = \"robot\": accepted: an IP address"), "{said}");
 }
 
 #[test]

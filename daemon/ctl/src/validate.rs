@@ -1,7 +1,8 @@
-//! `admittancectl validate`: a configuration file against every key's type and range.
+//! `admittancectl validate`: files against every key's type and range.
 
 use std::path::{Path, PathBuf};
 
+use admittance_egm::config::EdgeConfig;
 use admittance_host::config::{self, LoadError, Section, keys_markdown};
 use admittance_runner::config::Config;
 use plant_sim::run::VirtualRun;
@@ -12,27 +13,63 @@ use crate::{Exit, consequences, import};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  admittancectl validate /etc/admittanced/cell-3.toml\n  \
     admittancectl validate -v deploy/robots/six-joint.toml\n  \
-    admittancectl validate --scenario plant-sim/scenarios/paper.toml\n  admittancectl validate --keys")]
+    admittancectl validate --scenario plant-sim/scenarios/paper.toml\n  \
+    admittancectl validate --egm /etc/admittanced/cell-3.egm.toml\n  admittancectl validate --keys")]
 pub(crate) struct Args {
     /// Files to check; of a directory every file NAME.toml in it, where NAME.scenario.toml is a
-    /// scenario.
+    /// scenario and NAME.egm.toml admittance-egm's.
     #[arg(required_unless_present = "keys")]
     files: Vec<PathBuf>,
     /// The files are scenarios of plant-sim.
     #[arg(long)]
     scenario: bool,
+    /// The files are admittance-egm's own. What they say of the daemon's arm is checked by `admittance-egm --check`.
+    #[arg(long, conflicts_with = "scenario")]
+    egm: bool,
     /// Print what follows, too: what the controller would believe of the arm, horizon, reach, rows
     /// and work of a cycle, safe speed.
-    #[arg(short, long, conflicts_with_all = ["scenario", "keys"])]
+    #[arg(short, long, conflicts_with_all = ["scenario", "egm", "keys"])]
     verbose: bool,
     /// Print every key with type, unit, range, default and meaning instead.
     #[arg(long)]
     keys: bool,
 }
 
+/// Whose file it is.
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    Daemon,
+    Scenario,
+    Egm,
+}
+
+impl Kind {
+    /// What all files are said to be; `None` where nothing is said.
+    fn told(args: &Args) -> Option<Self> {
+        if args.scenario { Some(Self::Scenario) } else { args.egm.then_some(Self::Egm) }
+    }
+
+    /// What a file in a directory is by its name.
+    fn by_name(file: &Path) -> Self {
+        let name = file.to_string_lossy();
+        if name.ends_with(".scenario.toml") {
+            Self::Scenario
+        } else if name.ends_with(".egm.toml") {
+            Self::Egm
+        } else {
+            Self::Daemon
+        }
+    }
+}
+
 pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
+    let told = Kind::told(args);
     if args.keys {
-        let keys = if args.scenario { Scenario::keys("") } else { Config::keys("") };
+        let keys = match told.unwrap_or(Kind::Daemon) {
+            Kind::Daemon => Config::keys(""),
+            Kind::Scenario => Scenario::keys(""),
+            Kind::Egm => EdgeConfig::keys(""),
+        };
         println!("{}", keys_markdown(&keys));
         return Ok(Exit::Ok);
     }
@@ -40,11 +77,10 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     for path in &args.files {
         if path.is_dir() {
             for file in files_in(path)? {
-                let is_scenario = args.scenario || file.to_string_lossy().ends_with(".scenario.toml");
-                worst = worse(worst, one(&file, is_scenario, args.verbose));
+                worst = worse(worst, one(&file, told.unwrap_or_else(|| Kind::by_name(&file)), args.verbose));
             }
         } else {
-            worst = worse(worst, one(path, args.scenario, args.verbose));
+            worst = worse(worst, one(path, told.unwrap_or(Kind::Daemon), args.verbose));
         }
     }
     Ok(worst)
@@ -80,16 +116,16 @@ fn warn(file: &Path, warnings: impl IntoIterator<Item = String>) {
 }
 
 /// Checks a file, and says what came of it.
-fn one(file: &Path, is_scenario: bool, verbose: bool) -> Exit {
-    let checked = if is_scenario {
-        scenario(file).map(|scenario| warn(file, import::warning(&scenario.robot, file)))
-    } else {
-        load(file).map(|config| {
+fn one(file: &Path, kind: Kind, verbose: bool) -> Exit {
+    let checked = match kind {
+        Kind::Scenario => scenario(file).map(|scenario| warn(file, import::warning(&scenario.robot, file))),
+        Kind::Egm => config::load::<EdgeConfig>(file).map(drop).map_err(|error| (code(&error), error.to_string())),
+        Kind::Daemon => load(file).map(|config| {
             warn(file, config.warnings().into_iter().chain(import::warning(&config.robot, file)));
             if verbose {
                 consequences::lines(&config).iter().for_each(|line| println!("{}: {line}", shown(file)));
             }
-        })
+        }),
     };
     match checked {
         Ok(()) => {

@@ -55,6 +55,13 @@ enum Command {
     /// The daemon's real-time thread in this process, observed: what bench jitter starts.
     #[command(hide = true)]
     RoleObservedDaemon(bench::ObservedArgs),
+    /// The EGM edge itself, in this process.
+    #[command(hide = true, disable_help_flag = true)]
+    RoleEgm {
+        /// The edge's arguments.
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<std::ffi::OsString>,
+    },
     /// What soak starts to look on from outside.
     #[command(hide = true)]
     RoleSoakObserver(soak::observer::Args),
@@ -84,6 +91,7 @@ fn run(command: Command) -> Outcome<Exit> {
         Command::Flood(args) => flood::run(&args),
         Command::RoleSoakObserver(args) => soak::observer::run(&args),
         Command::RoleObservedDaemon(args) => bench::observed::run(&args),
+        Command::RoleEgm { arguments } => Ok(admittance_egm::main_with_args(arguments.into_iter())),
         Command::Role(role) => roles::run(role),
     }
 }

@@ -217,6 +217,11 @@ impl Playback {
         self.first_answered.is_some()
     }
 
+    /// The command that is played, also when its plan has ended; `None` before the first.
+    pub fn in_force(&self) -> Option<&CommandSample> {
+        self.in_force.as_ref()
+    }
+
     /// Sequence of the command in force; 0 = none yet.
     pub fn applied_sequence(&self) -> u64 {
         self.in_force.as_ref().map_or(0, |command| command.sequence)

@@ -289,7 +289,8 @@ pub struct EgmRobot {
     /// How much of what it can do guidance asks for, %.
     #[prost(double, optional, tag = "10")]
     pub utilization_rate: Option<f64>,
-    /// Torques of the motors, N m.
+    /// Torques of the motors as their drives are told them, N m, one for each joint. On which side of the gear they are is said by
+    /// no published text.
     #[prost(message, optional, tag = "14")]
     pub torque_ref: Option<EgmJoints>,
 }

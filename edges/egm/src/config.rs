@@ -5,7 +5,7 @@ use std::net::{IpAddr, SocketAddr};
 use admittance_host::config::ConfigError;
 use admittance_host::realtime::RealtimeSection;
 use admittance_host::{config_file, config_section};
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, WrenchSourceName};
 use egm_messages::JointUnit;
 use ipc_types::MAX_JOINTS;
 
@@ -19,8 +19,13 @@ config_section! {
         /// The fastest that each joint may be told to move, base first; of a prismatic joint in mm/s. Speeds above are
         /// brought down, all joints alike. A message in which a joint moves half as fast again is not believed.
         joint_speed_limit_deg_s: Vec<f64>, unit "deg/s, mm/s", range 0.1..=10000.0, length 2..=8;
+        /// What the robot's torqueRef is multiplied by, one value for each joint, base first, to be the torque of its motor
+        /// in N m on the joint's side, positive the way the joint turns: 1 where the robot gives just that, the gear
+        /// ratio where it gives the motor's own torque, a negative value where it counts the other way. Required with
+        /// wrench.source = "motor_torque" of the daemon's file; torqueRef is not looked at when absent.
+        torque_factor: Option<Vec<f64>>, unit "1", range -10000.0..=10000.0, length 2..=8;
     }
-    cross_check addresses;
+    cross_check addresses_and_factors;
 }
 
 config_section! {
@@ -35,7 +40,7 @@ config_section! {
 
 config_file!(EdgeConfig);
 
-fn addresses(egm: &EgmSection, path: &str, errors: &mut Vec<ConfigError>) {
+fn addresses_and_factors(egm: &EgmSection, path: &str, errors: &mut Vec<ConfigError>) {
     if egm.listen.parse::<SocketAddr>().is_err() {
         let accepted = "an IP address and a port, such as \"0.0.0.0:6510\"";
         errors.push(ConfigError::new(format!("{path}.listen"), format!("{:?}", egm.listen), accepted));
@@ -43,6 +48,12 @@ fn addresses(egm: &EgmSection, path: &str, errors: &mut Vec<ConfigError>) {
     if egm.robot_address.parse::<IpAddr>().is_err() {
         let accepted = "an IP address, such as \"192.168.125.1\"";
         errors.push(ConfigError::new(format!("{path}.robot_address"), format!("{:?}", egm.robot_address), accepted));
+    }
+    for (joint, factor) in egm.torque_factor.iter().flatten().enumerate() {
+        if *factor == 0.0 {
+            let accepted = "any value but 0, which would leave nothing of the torque";
+            errors.push(ConfigError::new(format!("{path}.torque_factor[{joint}]"), "0".to_owned(), accepted));
+        }
     }
 }
 
@@ -61,20 +72,39 @@ impl EgmSection {
     /// # Errors
     /// A sentence, when there is not one for each joint of the daemon's arm.
     pub fn speed_limit(&self, units: &[JointUnit]) -> Result<[f64; MAX_JOINTS], String> {
-        let told = &self.joint_speed_limit_deg_s;
-        if told.len() != units.len() {
-            return Err(format!(
-                "egm.joint_speed_limit_deg_s has {} values: accepted: {}, one for each [[robot.joint]] of the daemon's file",
-                told.len(),
-                units.len()
-            ));
-        }
+        let told = one_per_joint("egm.joint_speed_limit_deg_s", &self.joint_speed_limit_deg_s, units.len())?;
         let mut limits = [f64::INFINITY; MAX_JOINTS];
         for ((limit, told), unit) in limits.iter_mut().zip(told).zip(units) {
             *limit = unit.to_si(*told);
         }
         Ok(limits)
     }
+
+    /// What torqueRef is multiplied by; `None` where it is not looked at.
+    ///
+    /// # Errors
+    /// A sentence, when there is not one for each of the joints, or none though the daemon needs torques.
+    pub fn torque_factors(&self, joints: usize, source: WrenchSourceName) -> Result<Option<[f64; MAX_JOINTS]>, String> {
+        match &self.torque_factor {
+            Some(told) => {
+                let told = one_per_joint("egm.torque_factor", told, joints)?;
+                Ok(Some(std::array::from_fn(|joint| told.get(joint).copied().unwrap_or(0.0))))
+            }
+            None if source == WrenchSourceName::MotorTorque => Err(format!(
+                "egm.torque_factor is absent: accepted: {joints} values, since wrench.source = \"motor_torque\" in the daemon's \
+                 file, and without them no torque reaches it"
+            )),
+            None => Ok(None),
+        }
+    }
+}
+
+fn one_per_joint<'a>(key: &str, told: &'a [f64], joints: usize) -> Result<&'a [f64], String> {
+    if told.len() == joints {
+        return Ok(told);
+    }
+    let found = told.len();
+    Err(format!("{key} has {found} values: accepted: {joints}, one for each [[robot.joint]] of the daemon's file"))
 }
 
 #[cfg(test)]
@@ -93,6 +123,7 @@ mod tests {
             ("[egm]\nport = 6510", "egm.port"),
             ("robot_address = \"robot\"", "egm.robot_address = \"robot\""),
             ("joint_speed_limit_deg_s = [0.0, 1.0]", "egm.joint_speed_limit_deg_s[0] = 0"),
+            ("torque_factor = [1.0, 0.0]", "egm.torque_factor[1] = 0"),
         ];
         for (line, expected) in cases {
             let key = line.rsplit('\n').next().and_then(|line| line.split(' ').next()).unwrap_or_default();
@@ -113,5 +144,20 @@ mod tests {
         assert!((limits[0] - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
         assert!((limits[1] - 0.09).abs() < 1e-15);
         assert!(egm.speed_limit(&[JointUnit::Degree; 6]).expect_err("six").contains("has 2 values: accepted: 6"));
+    }
+
+    #[test]
+    fn who_needs_torques_is_to_say_what_they_are() {
+        use WrenchSourceName::{MotorTorque, Sample};
+        let egm = |more: &str| parse::<EdgeConfig>(&format!("{TEXT}{more}"), "edge.toml").expect("valid").egm;
+        assert_eq!(egm("").torque_factors(2, Sample), Ok(None));
+        let absent = egm("").torque_factors(2, MotorTorque).expect_err("nobody knows what they are");
+        assert!(absent.contains("egm.torque_factor is absent: accepted: 2 values"), "{absent}");
+        let told = egm("torque_factor = [101.0, -1.0]\n");
+        for source in [Sample, MotorTorque] {
+            let factors = told.torque_factors(2, source).expect("two").expect("told");
+            assert_eq!(factors[..3], [101.0, -1.0, 0.0]);
+        }
+        assert!(told.torque_factors(6, Sample).expect_err("six").contains("has 2 values: accepted: 6"));
     }
 }

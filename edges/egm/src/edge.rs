@@ -10,7 +10,9 @@ use admittance_host::clock::{monotonic_ns, sleep_until_ns};
 use egm_messages::{EgmRobot, Message};
 use ipc_types::{IpcSettings, MAX_JOINTS, StateSample};
 
+use crate::fade;
 use crate::guide::{Bearing, Guide};
+use crate::lead::Lead;
 use crate::link::{Link, Received};
 use crate::notify::Notify;
 use crate::reading::{BadMessage, Reading};
@@ -40,6 +42,8 @@ pub(crate) struct Setup {
     pub(crate) answer_ns: u64,
     /// In rad/s or m/s.
     pub(crate) speed_limit: [f64; MAX_JOINTS],
+    /// From `torqueRef` to N m on the joints' side; `None` where it is not looked at.
+    pub(crate) torque_factor: Option<[f64; MAX_JOINTS]>,
 }
 
 /// Why the loop cannot go on.
@@ -104,16 +108,20 @@ impl Edge {
         Ok(Self { setup, guide, controller, link, stop, peer: None, sequence: 0, played_ns: 0, due_ns: 0, counts })
     }
 
-    /// Runs until a signal; the robot has then been sent zeros.
+    /// Runs until a signal.
     pub(crate) fn run(&mut self, notify: &mut Notify) -> Result<(), EdgeError> {
         while !self.stop.load(Ordering::Relaxed) {
             self.turn(true)?;
             notify.turned();
         }
+        Ok(())
+    }
+
+    /// The daemon has no further samples: its last plan is played to its end, ever slower.
+    pub(crate) fn play_out(&mut self) -> Result<(), EdgeError> {
         let give_up_ns = monotonic_ns() + LONGEST_FAREWELL_NS;
-        // The daemon has no further samples: its last plan is played to its end.
         while self.peer.is_some()
-            && !matches!(self.applied(self.played_ns), Applied::Hold)
+            && !matches!(self.applied(self.played_ns).0, Applied::Hold)
             && monotonic_ns() < give_up_ns
         {
             self.turn(false)?;
@@ -214,19 +222,19 @@ impl Edge {
 
     /// One sample, and its answer.
     fn cycle(&mut self, measured: &Measured, arrival_ns: u64) {
-        let bearing = self.guide.bearing(measured);
+        let lead = Lead::of_planned_path(self.guide.arm(), measured);
         // A cycle whose message was lost has a number of its own: the daemon is to see that it is missing, and not another rate.
         for before in (1..=measured.missed).rev() {
             let _ = self.controller.begin(measured.stamp_ns.saturating_sub(before * self.setup.arm.sampling_time_ns));
         }
         let mut sample = self.controller.begin(measured.stamp_ns);
-        fill(&mut sample, measured, &bearing);
+        fill(&mut sample, measured, &lead, self.setup.torque_factor.as_ref());
         self.controller.publish(&sample);
         if !self.await_answer(sample.sequence, arrival_ns + self.setup.answer_ns) {
             self.counts.unanswered += 1;
         }
         if let Some(peer) = &mut self.peer {
-            peer.bearing = Some(bearing);
+            peer.bearing = Some(Bearing::new(&measured.reading, &lead));
         }
         self.play(measured.stamp_ns + self.setup.arm.command_delay_ns, arrival_ns);
         self.controller.make_ready();
@@ -281,22 +289,23 @@ impl Edge {
         self.played_ns = at_ns;
         let cycle_ns = self.setup.arm.sampling_time_ns;
         self.due_ns = arrival_ns + cycle_ns + cycle_ns / 2;
-        let applied = self.applied(self.played_ns);
+        let (applied, part) = self.applied(self.played_ns);
         let Some(peer) = &self.peer else { return };
         let address = peer.address;
         let (speeds, external_axes) = match &peer.bearing {
-            Some(bearing) => (self.guide.speeds(&applied, bearing), bearing.external_axes),
+            Some(bearing) => (self.guide.speeds(&applied, part, bearing), bearing.external_axes),
             None => ([0.0; MAX_JOINTS], 0),
         };
         self.send(&speeds, external_axes, address);
     }
 
-    /// What the joints are to do at an instant; before the first answer they hold.
-    fn applied(&mut self, at_ns: u64) -> Applied {
-        if !self.controller.playback().has_received() {
-            return Applied::Hold;
+    /// What the joints are to do at an instant, and which part of it; before the first answer they hold.
+    fn applied(&mut self, at_ns: u64) -> (Applied, f64) {
+        let applied = self.controller.apply(at_ns);
+        match self.controller.playback().in_force() {
+            Some(command) => (applied, fade::part(command, self.setup.arm.command_delay_ns, at_ns)),
+            None => (Applied::Hold, 0.0),
         }
-        self.controller.apply(at_ns)
     }
 
     fn send(&mut self, speeds: &[f64; MAX_JOINTS], external_axes: usize, to: SocketAddr) {
@@ -320,18 +329,25 @@ fn boot_id() -> u64 {
     (monotonic_ns() ^ u64::from(std::process::id()) << 32) | 1
 }
 
-fn fill(sample: &mut StateSample, measured: &Measured, bearing: &Bearing) {
+fn fill(sample: &mut StateSample, measured: &Measured, lead: &Lead, torque_factor: Option<&[f64; MAX_JOINTS]>) {
     let reading = &measured.reading;
     // Offsets change with the robot's messages alone.
     sample.plays_plan = 0;
     sample.joint_position = reading.position;
     sample.joint_velocity = measured.velocity;
-    sample.joint_position_reference = reading.reference;
-    sample.twist_reference = bearing.twist;
+    sample.joint_position_reference = lead.position;
+    sample.twist_reference = lead.twist;
     sample.drives_enabled = u32::from(reading.follows);
     if let Some(wrench) = reading.wrench {
         sample.wrench_valid = 1;
         sample.wrench = wrench;
+    }
+    if let Some((factor, torque)) = torque_factor.zip(reading.torque) {
+        let torque = std::array::from_fn(|joint| factor[joint] * torque[joint]);
+        if torque.iter().all(|value: &f64| value.is_finite()) {
+            sample.torque_valid = 1;
+            sample.joint_torque = torque;
+        }
     }
 }
 

@@ -5,7 +5,8 @@ use egm_messages::{EgmHeader, EgmJoints, EgmSensor, EgmSpeedRef, JointUnit, Mess
 use ipc_types::{MAX_JOINTS, TASK_AXES};
 
 use crate::arm::AnyArm;
-use crate::session::Measured;
+use crate::lead::Lead;
+use crate::reading::Reading;
 
 /// Where the robot was at its last message, and where it was led.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,6 +19,18 @@ pub struct Bearing {
     pub follows: bool,
     /// Axes beyond the arm's joints.
     pub external_axes: usize,
+}
+
+impl Bearing {
+    /// Where a message shows the robot to be that is led so.
+    pub fn new(reading: &Reading, lead: &Lead) -> Self {
+        Self {
+            position: reading.position,
+            twist: lead.twist,
+            follows: reading.follows,
+            external_axes: reading.external_axes,
+        }
+    }
 }
 
 /// Joint speeds for one arm.
@@ -44,20 +57,14 @@ impl Guide {
         &self.units
     }
 
-    /// Where a sample shows the robot to be.
-    pub fn bearing(&self, measured: &Measured) -> Bearing {
-        let reading = &measured.reading;
-        Bearing {
-            position: reading.position,
-            twist: self.arm.twist(&reading.reference, &measured.reference_velocity),
-            follows: reading.follows,
-            external_axes: reading.external_axes,
-        }
+    /// The arm's kinematics.
+    pub fn arm(&self) -> &dyn AnyArm {
+        &*self.arm
     }
 
-    /// q̇_ref = J⁻¹(q)(ṗ0 + Δṗ) in rad/s or m/s, within the limits; zeros when holding, when the robot does not follow,
-    /// and where J has no inverse.
-    pub fn speeds(&self, applied: &Applied, bearing: &Bearing) -> [f64; MAX_JOINTS] {
+    /// `part` of q̇_ref = J⁻¹(q)(ṗ0 + Δṗ) in rad/s or m/s, within the limits; zeros when holding, when the robot does not
+    /// follow, and where J has no inverse.
+    pub fn speeds(&self, applied: &Applied, part: f64, bearing: &Bearing) -> [f64; MAX_JOINTS] {
         let Applied::Offset(offset) = applied else { return [0.0; MAX_JOINTS] };
         if !bearing.follows {
             return [0.0; MAX_JOINTS];
@@ -66,7 +73,7 @@ impl Guide {
         let Some(mut speeds) = self.arm.joint_velocity(&bearing.position, &twist) else { return [0.0; MAX_JOINTS] };
         // All alike: the tool then goes where it was to go, slower.
         let excess = speeds.iter().zip(&self.speed_limit).map(|(speed, limit)| speed.abs() / limit).fold(1.0, f64::max);
-        speeds.iter_mut().for_each(|speed| *speed /= excess);
+        speeds.iter_mut().for_each(|speed| *speed *= part / excess);
         speeds
     }
 
@@ -125,24 +132,31 @@ mod tests {
 
     #[test]
     fn the_offset_is_added_to_where_the_robot_is_led() {
-        let speeds = guide().speeds(&offset([0.2, -0.4]), &BEARING);
+        let speeds = guide().speeds(&offset([0.2, -0.4]), 1.0, &BEARING);
         assert!((speeds[0] - 0.3).abs() < 1e-15 && (speeds[1] + 0.4).abs() < 1e-15, "{speeds:?}");
     }
 
     #[test]
     fn above_a_limit_all_joints_slow_down_alike() {
-        let speeds = guide().speeds(&offset([0.9, -4.0]), &BEARING);
+        let speeds = guide().speeds(&offset([0.9, -4.0]), 1.0, &BEARING);
         assert!((speeds[0] - 0.25).abs() < 1e-15 && (speeds[1] + 1.0).abs() < 1e-15, "{speeds:?}");
+    }
+
+    #[test]
+    fn a_part_is_one_of_what_the_limits_leave() {
+        let speeds = guide().speeds(&offset([0.9, -4.0]), 0.5, &BEARING);
+        assert!((speeds[0] - 0.125).abs() < 1e-15 && (speeds[1] + 0.5).abs() < 1e-15, "{speeds:?}");
+        assert_eq!(guide().speeds(&offset([0.9, -4.0]), 0.0, &BEARING).map(f64::abs), [0.0; MAX_JOINTS]);
     }
 
     #[test]
     fn holding_or_not_following_or_singular_is_zero() {
         let still = [0.0; MAX_JOINTS];
-        assert_eq!(guide().speeds(&Applied::Hold, &BEARING), still);
-        assert_eq!(guide().speeds(&offset([0.2, 0.2]), &Bearing { follows: false, ..BEARING }), still);
+        assert_eq!(guide().speeds(&Applied::Hold, 1.0, &BEARING), still);
+        assert_eq!(guide().speeds(&offset([0.2, 0.2]), 1.0, &Bearing { follows: false, ..BEARING }), still);
         let mut singular = BEARING;
         singular.position[0] = 1.0;
-        assert_eq!(guide().speeds(&offset([0.2, 0.2]), &singular), still);
+        assert_eq!(guide().speeds(&offset([0.2, 0.2]), 1.0, &singular), still);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, SocketAddr, UdpSocket};
-use std::os::fd::AsRawFd;
 
+use admittance_host::readable::wait_until_readable;
 use egm_messages::LARGEST_DATAGRAM;
 
 /// The socket and room for one datagram.
@@ -39,14 +39,7 @@ impl Link {
 
     /// Waits for a datagram at most `timeout_ns`; a signal ends the wait as well.
     pub(crate) fn wait(&self, timeout_ns: u64) {
-        let mut readable = libc::pollfd { fd: self.socket.as_raw_fd(), events: libc::POLLIN, revents: 0 };
-        let timeout = libc::timespec {
-            tv_sec: (timeout_ns / 1_000_000_000) as libc::time_t,
-            tv_nsec: (timeout_ns % 1_000_000_000) as libc::c_long,
-        };
-        // SAFETY: both structures are valid for the call, one descriptor is given, and no signal mask. A failure is a wait
-        // that ended early.
-        unsafe { libc::ppoll(&raw mut readable, 1, &raw const timeout, std::ptr::null()) };
+        wait_until_readable(&self.socket, timeout_ns);
     }
 
     /// Takes a datagram, if there is one.

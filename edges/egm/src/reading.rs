@@ -16,6 +16,8 @@ pub struct Reading {
     pub reference: [f64; MAX_JOINTS],
     /// As the robot gives it, N and N m; `None` when it gives none that may be used.
     pub wrench: Option<[f64; TASK_AXES]>,
+    /// `torqueRef` as the robot gives it; `None` when it gives none that may be used.
+    pub torque: Option<[f64; MAX_JOINTS]>,
     /// Whether the robot follows the speeds that it is sent.
     pub follows: bool,
     /// Axes beyond the arm's joints.
@@ -108,6 +110,7 @@ impl Reading {
             position: joints("feedBack.joints", feedback.joints.as_ref(), units)?,
             reference: joints("planned.joints", planned.joints.as_ref(), units)?,
             wrench: wrench(message),
+            torque: torque(message, units.len()),
             follows: follows(message),
             external_axes: feedback.external_joints.as_ref().map_or(0, |axes| axes.joints.len()),
         })
@@ -145,6 +148,13 @@ fn wrench(message: &EgmRobot) -> Option<[f64; TASK_AXES]> {
     (measured.fc_active.unwrap_or(true) && wrench.iter().all(|value| value.is_finite())).then_some(wrench)
 }
 
+/// One that cannot be used is none, as for the wrench.
+fn torque(message: &EgmRobot, joints: usize) -> Option<[f64; MAX_JOINTS]> {
+    let given = &message.torque_ref.as_ref()?.joints;
+    let is_sound = given.len() == joints && given.iter().all(|value| value.is_finite());
+    is_sound.then(|| std::array::from_fn(|joint| given.get(joint).copied().unwrap_or(0.0)))
+}
+
 /// Only where all three say so: what is not said is not so.
 fn follows(message: &EgmRobot) -> bool {
     message.motor_state.is_some_and(|motors| motors.state == MotorStateType::On as i32)
@@ -178,6 +188,7 @@ pub(crate) mod tests {
             mci_state: Some(EgmMciState { state: MciStateType::Running as i32 }),
             rapid_exec_state: Some(EgmRapidCtrlExecState { state: RapidCtrlExecStateType::Running as i32 }),
             measured_force: Some(EgmMeasuredForce { fc_active: Some(true), force: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0] }),
+            torque_ref: Some(EgmJoints { joints: vec![-3.0, 40.0, 20.0, 5.0, 0.5, 0.0] }),
             ..EgmRobot::default()
         }
     }
@@ -189,6 +200,7 @@ pub(crate) mod tests {
         assert!((reading.position[5] - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
         assert!((reading.reference[0] - std::f64::consts::FRAC_PI_4).abs() < 1e-15);
         assert_eq!(reading.wrench, Some([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+        assert_eq!(reading.torque, Some([-3.0, 40.0, 20.0, 5.0, 0.5, 0.0, 0.0, 0.0]));
         assert!(reading.follows);
         assert_eq!(reading.position[6], 0.0);
     }
@@ -225,7 +237,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_wrench_or_a_drive_that_is_not_there_is_never_taken_for_one() {
+    fn a_wrench_a_torque_or_a_drive_that_is_not_there_is_never_taken_for_one() {
         let read = |spoil: fn(&mut EgmRobot)| {
             let mut sent = message(1, 4000, 0.0, 0.0);
             spoil(&mut sent);
@@ -235,6 +247,9 @@ pub(crate) mod tests {
         assert_eq!(read(|sent| sent.measured_force.as_mut().unwrap().fc_active = Some(false)).wrench, None);
         assert_eq!(read(|sent| sent.measured_force.as_mut().unwrap().force[2] = f64::NAN).wrench, None);
         assert_eq!(read(|sent| sent.measured_force.as_mut().unwrap().force.truncate(3)).wrench, None);
+        assert_eq!(read(|sent| sent.torque_ref = None).torque, None);
+        assert_eq!(read(|sent| sent.torque_ref.as_mut().unwrap().joints[1] = f64::INFINITY).torque, None);
+        assert_eq!(read(|sent| sent.torque_ref.as_mut().unwrap().joints.push(0.0)).torque, None);
         assert!(!read(|sent| sent.motor_state = None).follows);
         assert!(!read(|sent| sent.mci_state.as_mut().unwrap().state = 2).follows);
         assert!(!read(|sent| sent.rapid_exec_state.as_mut().unwrap().state = 1).follows);

@@ -80,6 +80,8 @@ pub struct Session {
     speed_limit: [f64; MAX_JOINTS],
     last: Option<Last>,
     listened: u32,
+    /// Time on the robot's clock from the last message that counted to the first after it in which a joint jumps, ns.
+    doubted_ns: Option<u64>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -96,7 +98,7 @@ struct Last {
 impl Session {
     /// A session that has not begun, of an arm whose joints move at most so fast (rad/s or m/s).
     pub fn new(sampling_time_ns: u64, speed_limit: [f64; MAX_JOINTS]) -> Self {
-        Self { sampling_time_ns, speed_limit, last: None, listened: 0 }
+        Self { sampling_time_ns, speed_limit, last: None, listened: 0, doubted_ns: None }
     }
 
     /// Takes a message that arrived at `arrival_ns`. `None`: it counts, but is no sample yet.
@@ -124,8 +126,15 @@ impl Session {
         if late_ns.abs() > LATEST_NS {
             return Err(Refusal::Late { sequence, late_ms: late_ns / 1_000_000 });
         }
-        let velocity = self.speeds("feedBack.joints", reading, &last, elapsed_ns, |reading| &reading.position)?;
-        let led = self.speeds("planned.joints", reading, &last, elapsed_ns, |reading| &reading.reference)?;
+        let speeds = self.speeds("feedBack.joints", reading, &last, elapsed_ns, |reading| &reading.position);
+        let both = speeds.and_then(|velocity| {
+            let led = self.speeds("planned.joints", reading, &last, elapsed_ns, |reading| &reading.reference)?;
+            Ok((velocity, led))
+        });
+        let (velocity, led) = both.inspect_err(|_| {
+            self.doubted_ns.get_or_insert(elapsed_ns);
+        })?;
+        self.doubted_ns = None;
 
         let mut clock = last.clock;
         let stamp_ns = if self.listened < LISTENED {
@@ -155,15 +164,20 @@ impl Session {
         joints: fn(&Reading) -> &[f64; MAX_JOINTS],
     ) -> Result<[f64; MAX_JOINTS], Refusal> {
         let (now, before) = (joints(reading), joints(&last.reading));
-        let seconds = elapsed_ns as f64 * 1e-9;
-        let speeds: [f64; MAX_JOINTS] = std::array::from_fn(|joint| (now[joint] - before[joint]) / seconds);
-        for (joint, (speed, limit)) in speeds.iter().zip(&self.speed_limit).enumerate() {
+        let over = |ns: u64| {
+            let seconds = ns as f64 * 1e-9;
+            std::array::from_fn::<f64, MAX_JOINTS, _>(|joint| (now[joint] - before[joint]) / seconds)
+        };
+        // A jump is not believed by and by, because time passes in which a joint might have gone so far: who says one again and
+        // again is heard in another session.
+        let believed_ns = self.doubted_ns.map_or(elapsed_ns, |ns| elapsed_ns.min(ns + self.sampling_time_ns));
+        for (joint, (speed, limit)) in over(believed_ns).iter().zip(&self.speed_limit).enumerate() {
             let (speed, accepted) = (speed.abs(), MARGIN * limit);
             if speed > accepted {
                 return Err(Refusal::TooFast { sequence: reading.sequence, list, joint, speed, accepted });
             }
         }
-        Ok(speeds)
+        Ok(over(elapsed_ns))
     }
 }
 
@@ -285,6 +299,26 @@ mod tests {
         assert!(matches!(session.take(&other, arrival_ns), Err(Refusal::Clock { .. })));
         assert!(matches!(session.take(&sound, arrival_ns + 200_000_000), Err(Refusal::Late { late_ms: 200, .. })));
         assert!(session.take(&sound, arrival_ns).expect("none of that has left a trace").is_some());
+    }
+
+    #[test]
+    fn a_jump_is_not_believed_because_time_passes() {
+        let mut session = begun();
+        for cycle in LISTENED + 2..LISTENED + 200 {
+            let (mut jumped, arrival_ns) = reading(cycle);
+            jumped.position[4] += 0.05;
+            let refused = session.take(&jumped, arrival_ns);
+            assert!(matches!(refused, Err(Refusal::TooFast { .. })), "cycle {cycle}: {refused:?}");
+        }
+        // Two of them, and the arm goes on as before, at two thirds of its limit.
+        let mut session = begun();
+        for cycle in LISTENED + 2..LISTENED + 10 {
+            let (mut sound, arrival_ns) = reading(cycle);
+            sound.position[0] = 2.0 * 0.004 * f64::from(cycle - LISTENED - 1) + reading(LISTENED + 1).0.position[0];
+            let is_jump = (LISTENED + 4..LISTENED + 6).contains(&cycle);
+            sound.position[4] += if is_jump { 0.05 } else { 0.0 };
+            assert_eq!(session.take(&sound, arrival_ns).is_err(), is_jump, "cycle {cycle}");
+        }
     }
 
     #[test]

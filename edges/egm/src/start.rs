@@ -10,7 +10,7 @@ use admittance_client::{Arm, ControllerError, Limits};
 use admittance_core::quantities::Span;
 use admittance_host::config::{self, LoadError};
 use admittance_host::exit::ExitCode;
-use admittance_host::output::{fatal, report_panics, say_line, until_unread};
+use admittance_host::output::{fatal, say_line, until_unread};
 use admittance_host::realtime::{StepOutcome, go_real_time};
 use admittance_host::time_limit::TimeLimit;
 use admittance_host::{cpu, logging};
@@ -19,7 +19,7 @@ use ipc_types::resources::Needed;
 use ipc_types::{MAX_JOINTS, TASK_AXES};
 
 use crate::args::{self, Args};
-use crate::arm::any_arm;
+use crate::arm::{AnyArm, any_arm};
 use crate::config::{EdgeConfig, units};
 use crate::edge::{Edge, EdgeError, Setup};
 use crate::guide::Guide;
@@ -37,8 +37,17 @@ const LIMIT_MARGIN: f64 = 2.0;
 
 type Failure = (ExitCode, String);
 
+/// The arm that the loop computes with, made from the one of the daemon's file.
+type Exchange<'a> = &'a dyn Fn(Box<dyn AnyArm>) -> Box<dyn AnyArm>;
+
 /// Runs the edge with these arguments (without the program's name) and says how it ended.
 pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
+    main_with_arm(arguments, &|arm| arm)
+}
+
+/// The same with an arm in place of the one that the daemon's file describes: whoever tries what becomes of the robot when the
+/// loop fails has one that fails.
+pub fn main_with_arm(arguments: impl Iterator<Item = OsString>, exchange: Exchange<'_>) -> ExitCode {
     if let Some(feature) = cpu::missing_cpu_feature() {
         let why = format!("this processor lacks {feature}, which this build needs (x86-64-v3): build for this machine");
         fatal(PROGRAM, &why);
@@ -57,8 +66,10 @@ pub fn main_with_args(arguments: impl Iterator<Item = OsString>) -> ExitCode {
             });
         }
     };
-    report_panics(PROGRAM);
-    match run(args) {
+    // Without a backtrace, whatever the environment asks for: to find its names takes longer than CommTimeout, and the robot
+    // goes on meanwhile.
+    std::panic::set_hook(Box::new(|panic| fatal(PROGRAM, &panic.to_string())));
+    match run(args, exchange) {
         Ok(()) => ExitCode::Ok,
         Err((code, why)) => {
             fatal(PROGRAM, &why);
@@ -76,7 +87,7 @@ struct Plan {
     guide: Guide,
 }
 
-fn run(args: Args) -> Result<(), Failure> {
+fn run(args: Args, exchange: Exchange<'_>) -> Result<(), Failure> {
     // Before anything that takes time: a signal that comes meanwhile is acted on.
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
@@ -86,7 +97,7 @@ fn run(args: Args) -> Result<(), Failure> {
     logging::init().map_err(|why| (ExitCode::Usage, why))?;
     ipc_types::quiet_iceoryx2();
     let is_check = args.check;
-    let Plan { edge: config, listen, robot, setup, guide } = plan(args)?;
+    let Plan { edge: config, listen, robot, setup, guide } = plan(args, exchange)?;
     if is_check {
         // Nobody reading it is no failure of the files.
         until_unread(PROGRAM, || {
@@ -118,10 +129,15 @@ fn run(args: Args) -> Result<(), Failure> {
     }
     tracing::info!("admittance-egm {} awaits {robot} on {address}", env!("CARGO_PKG_VERSION"));
     let mut notify = Notify::ready();
-    // Whatever ends the loop, a panic as well, the robot is told to stand: else it keeps its last speed.
+    // Whatever ends the loop, a panic as well, the robot is led to a standstill: else it keeps its last speed. What has failed
+    // in the loop may fail once more while the plan is played out: then the zeros come at once.
     let outcome = catch_unwind(AssertUnwindSafe(|| edge.run(&mut notify)));
     Notify::stopping();
+    let played_out = catch_unwind(AssertUnwindSafe(|| edge.play_out()));
     edge.say_farewell();
+    if let Ok(Err(error)) = played_out {
+        tracing::warn!("the last plan was not played to its end: {error}");
+    }
     tracing::info!("{}", edge.summary());
     logging::tell_all_withheld();
     match outcome {
@@ -130,7 +146,7 @@ fn run(args: Args) -> Result<(), Failure> {
     }
 }
 
-fn plan(args: Args) -> Result<Plan, Failure> {
+fn plan(args: Args, exchange: Exchange<'_>) -> Result<Plan, Failure> {
     let read = |error: LoadError| (error.exit_code(), error.to_string());
     let wrong = |why: String| (ExitCode::Config, why);
     let edge: EdgeConfig = config::load(&args.config).map_err(read)?;
@@ -139,6 +155,7 @@ fn plan(args: Args) -> Result<Plan, Failure> {
     let units = units(&daemon);
     let named = |why: String| wrong(format!("{}: {why}", args.config.display()));
     let speed_limit = edge.egm.speed_limit(&units).map_err(named)?;
+    let torque_factor = edge.egm.torque_factors(units.len(), daemon.wrench.source).map_err(named)?;
     check_delay(&daemon).map_err(|why| wrong(format!("{}: {why}", args.daemon_config.display())))?;
     let arm = any_arm(&daemon.robot, daemon.control.minimum_reciprocal_condition)
         .ok_or_else(|| wrong("robot: an arm that is not known".to_owned()))?;
@@ -146,8 +163,9 @@ fn plan(args: Args) -> Result<Plan, Failure> {
     let (Ok(listen), Ok(robot)) = (edge.egm.listen.parse(), edge.egm.robot_address.parse()) else {
         return Err(wrong("egm.listen, egm.robot_address: no addresses".to_owned()));
     };
-    let setup = Setup { settings, arm: of(&daemon, &speed_limit), answer_ns: answer_ns(&daemon), speed_limit };
-    Ok(Plan { edge, listen, robot, setup, guide: Guide::new(arm, units, speed_limit) })
+    let setup =
+        Setup { settings, arm: of(&daemon, &speed_limit), answer_ns: answer_ns(&daemon), speed_limit, torque_factor };
+    Ok(Plan { edge, listen, robot, setup, guide: Guide::new(exchange(arm), units, speed_limit) })
 }
 
 /// A robot acts on an answer in its next cycle at the earliest.

@@ -6,6 +6,7 @@ use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
 use admittance_core::quantities::Span;
 use admittance_host::clock::{monotonic_ns, sleep_until_ns};
+use admittance_host::readable::wait_until_readable;
 use egm_messages::LARGEST_DATAGRAM;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -62,6 +63,14 @@ impl Network {
             let _ = self.socket.send_to(&datagram, self.edge);
         }
         self.held_out = held;
+    }
+
+    /// Waits for a datagram at most until `until_ns`, without taking it: when it was there; `None` without one, and where
+    /// one was there already.
+    pub(super) fn await_datagram(&self, until_ns: u64) -> Option<u64> {
+        let timeout_ns = until_ns.saturating_sub(monotonic_ns());
+        let is_readable = |timeout_ns| wait_until_readable(&self.socket, timeout_ns);
+        (!is_readable(0) && is_readable(timeout_ns)).then(monotonic_ns)
     }
 
     /// The next datagram that has come from the edge; `None` ends a round.

@@ -1,6 +1,7 @@
 //! The units under a real systemd: how it starts, watches, restarts and stops them. Installation is
 //! in `tests/install.rs`.
 
+mod egm;
 mod flood;
 mod root;
 mod signals;
@@ -40,7 +41,7 @@ fn starts_in_order_and_with_what_the_units_promise() {
         assert!(0 < ready && ready <= plant, "ready at {ready}, plant started at {plant} us");
 
         entry_of_this_process(&systemd, "MODE=Free");
-        let threads = threads(&systemd);
+        let threads = threads(&systemd, DAEMON);
         let fifo = libc::SCHED_FIFO.cast_unsigned();
         // The real-time thread has what [realtime] says, the other what the unit says.
         let real_time = threads.iter().find(|thread| thread.0 == "real-time").expect("it is named");
@@ -77,7 +78,7 @@ fn in_free_motion_it_is_restarted_after_a_kill_and_a_hang_and_stops_clean() {
         }
 
         systemd.signal(DAEMON, libc::SIGSTOP);
-        wait_for_restart(&systemd, 4);
+        wait_for_restart(&systemd, DAEMON, 4);
         systemd.wait_for_entry("_PID=1 --grep='Watchdog timeout'");
         entry_of_this_process(&systemd, "MODE=Free");
         assert_eq!(systemd.property(PLANT, "MainPID"), plant, "the plant runs on");

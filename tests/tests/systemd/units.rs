@@ -73,10 +73,10 @@ pub(crate) fn wait_for_state(systemd: &Systemd, unit: &str, state: &str) {
     wait_until(&format!("{unit} {state}"), PATIENCE, || systemd.property(unit, "ActiveState") == state);
 }
 
-/// Waits until systemd has restarted the daemon `count` times and it is ready again.
-pub(crate) fn wait_for_restart(systemd: &Systemd, count: u64) {
+/// Waits until systemd has restarted a unit `count` times and it is ready again.
+pub(crate) fn wait_for_restart(systemd: &Systemd, unit: &str, count: u64) {
     wait_until("a restart", PATIENCE, || {
-        systemd.number(DAEMON, "NRestarts") == count && systemd.property(DAEMON, "ActiveState") == "active"
+        systemd.number(unit, "NRestarts") == count && systemd.property(unit, "ActiveState") == "active"
     });
 }
 
@@ -85,7 +85,7 @@ pub(crate) fn wait_for_restart(systemd: &Systemd, count: u64) {
 pub(crate) fn kill_and_wait_for_answer(systemd: &Systemd, restarts: u64) -> (serde_json::Value, f64) {
     let killed_us = monotonic_ns() / 1000;
     systemd.signal(DAEMON, libc::SIGKILL);
-    wait_for_restart(systemd, restarts);
+    wait_for_restart(systemd, DAEMON, restarts);
     let process = systemd.property(DAEMON, "MainPID");
     let mut answers = Vec::new();
     wait_until("an answer of the new process", PATIENCE, || {
@@ -138,9 +138,9 @@ pub(crate) fn assert_shared_memory_is_free(systemd: &Systemd) {
     assert!(files.is_empty(), "{files:?}");
 }
 
-/// Policy, real-time priority and processors of each thread of the daemon, by name.
-pub(crate) fn threads(systemd: &Systemd) -> Vec<(String, u32, u32, String)> {
-    let tasks = systemd.path(&format!("/proc/{}/task", systemd.property(DAEMON, "MainPID")));
+/// Policy, real-time priority and processors of each thread of a unit, by name.
+pub(crate) fn threads(systemd: &Systemd, unit: &str) -> Vec<(String, u32, u32, String)> {
+    let tasks = systemd.path(&format!("/proc/{}/task", systemd.property(unit, "MainPID")));
     let tasks = std::fs::read_dir(tasks).expect("it runs").flatten();
     let read = |path: std::path::PathBuf| std::fs::read_to_string(path).expect("it runs");
     tasks

@@ -1,6 +1,7 @@
 //! Where attacks take place: a daemon as a process of its own, in a place of its own, and what must
 //! hold of it however it is attacked.
 
+use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -63,7 +64,8 @@ pub(crate) struct Arena {
     pub(crate) config_path: PathBuf,
     /// The program to attack; without one, this program's own daemon.
     program: Option<PathBuf>,
-    holdings: Option<Holdings>,
+    /// What each program held when it was looked at first.
+    holdings: HashMap<&'static str, Holdings>,
 }
 
 /// Attacks a daemon that was started with this configuration; what cannot be done is a finding.
@@ -90,7 +92,7 @@ impl Arena {
         let config_path = session.write("daemon.toml", config)?;
         let feeds = Feeds::listen(&config_path.with_file_name("notify")).map_err(|why| (Exit::Unavailable, why))?;
         let program = program.map(Path::to_owned);
-        let mut arena = Self { session, feeds, config_path, program, holdings: None };
+        let mut arena = Self { session, feeds, config_path, program, holdings: HashMap::new() };
         arena.start_daemon()?;
         arena.await_service().map_err(|why| (Exit::Unavailable, why))?;
         Ok(arena)
@@ -98,7 +100,7 @@ impl Arena {
 
     /// Starts the daemon, which another one must not hold up.
     pub(crate) fn start_daemon(&mut self) -> Outcome<()> {
-        self.holdings = None;
+        self.holdings.remove("daemon");
         let environment = self.feeds.environment();
         self.start_another("daemon", &[], &environment)
     }
@@ -171,26 +173,37 @@ impl Arena {
 
     /// Why the daemon does not run as it should.
     pub(crate) fn is_alive(&mut self) -> Result<(), String> {
-        if let Some(status) = self.session.exit_status("daemon") {
-            return Err(self.session.failure("daemon", status).1);
+        self.is_running("daemon")
+    }
+
+    /// Whether a program still runs, and has not panicked; else why.
+    pub(crate) fn is_running(&mut self, name: &str) -> Result<(), String> {
+        if let Some(status) = self.session.exit_status(name) {
+            return Err(self.session.failure(name, status).1);
         }
-        let log = self.session.log("daemon");
+        let log = self.session.log(name);
         match log.lines().find(|line| line.contains("panicked") || line.contains("the real-time thread failed")) {
-            Some(line) => Err(format!("the daemon: {line}")),
+            Some(line) => Err(format!("the {name}: {line}")),
             None => Ok(()),
         }
     }
 
     /// Looks whether the daemon holds more than when it was looked at first.
     pub(crate) fn look_at_holdings(&mut self, findings: &mut Findings) {
-        let Some(now) = self.session.child("daemon").and_then(|child| holdings(child.id())) else { return };
-        let first = *self.holdings.get_or_insert(now);
+        self.look_at_holdings_of("daemon", findings);
+    }
+
+    /// The same for any program: how much memory it holds, KiB.
+    pub(crate) fn look_at_holdings_of(&mut self, name: &'static str, findings: &mut Findings) -> Option<u64> {
+        let now = self.session.child(name).and_then(|child| holdings(child.id()))?;
+        let first = *self.holdings.entry(name).or_insert(now);
         if now.resident_kib > first.resident_kib + SLACK_KIB {
-            findings.note(format!("memory: {} KiB, {} KiB before", now.resident_kib, first.resident_kib));
+            findings.note(format!("memory of the {name}: {} KiB, {} KiB before", now.resident_kib, first.resident_kib));
         }
         if now.descriptors > first.descriptors + SLACK_DESCRIPTORS {
-            findings.note(format!("descriptors: {}, {} before", now.descriptors, first.descriptors));
+            findings.note(format!("descriptors of the {name}: {}, {} before", now.descriptors, first.descriptors));
         }
+        Some(now.resident_kib)
     }
 
     /// Ends everything in order. What is left then, and what came too late meanwhile, is noted. All
@@ -199,7 +212,7 @@ impl Arena {
         findings.take(self.is_alive());
         // A flood has no end of its own.
         self.kill("flood");
-        for name in ["recorder", "plant", "daemon"] {
+        for name in ["recorder", "plant", "edge", "daemon"] {
             findings.take(self.session.end(name).map_err(|(_, why)| why));
         }
         self.feeds.end().into_iter().for_each(|why| findings.note(why));

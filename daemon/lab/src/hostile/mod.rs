@@ -5,6 +5,7 @@ pub(crate) mod arena;
 mod cell;
 pub(crate) mod configurations;
 mod controller;
+mod egm;
 pub(crate) mod everything;
 mod feeds;
 pub(crate) mod mutate;
@@ -34,7 +35,8 @@ use arena::Findings;
     after_help = "Broken is what must not happen however it is attacked: a panic, an end that nobody asked for, a watchdog that is not \
     fed for 3 s, an answer that is not finite or beyond a limit, a sample used that nobody may use, an arm that is not held when it \
     has to be, no control again once all is well, a request without an answer, an error that does not say what would be accepted, a \
-    damaged recording read as if nothing were, memory or descriptors that grow, files left in shared memory.\n\n\
+    damaged recording read as if nothing were, a robot that is moved by what is no message of its own, memory or descriptors that \
+    grow, files left in shared memory.\n\n\
     A case is drawn from seed and number; how the machine runs its processes is not, so a case may have to be run several \
     times. Exit codes: 0 nothing was FOUND, 1 something was.\n\n\
     Examples:\n  admittance-lab hostile\n  admittance-lab hostile samples --samples 100000 --seed 7\n  \
@@ -62,6 +64,9 @@ pub(crate) struct Args {
     /// How long everything at once, min.
     #[arg(long, default_value_t = 1.0)]
     minutes: f64,
+    /// Datagrams to admittance-egm, of which a thousand are sent a second.
+    #[arg(long, default_value_t = egm::PER_CASE)]
+    datagrams: u64,
     /// This seed alone; where none is given seed 1, and then a fresh one.
     #[arg(long)]
     seed: Option<u64>,
@@ -74,6 +79,9 @@ pub(crate) struct Args {
     /// The daemon to attack in place of this program's own: another version, or one that is broken on purpose.
     #[arg(long, value_name = "PROGRAM")]
     daemon: Option<PathBuf>,
+    /// The same for admittance-egm.
+    #[arg(long, value_name = "PROGRAM")]
+    edge: Option<PathBuf>,
 }
 
 /// A kind of attack.
@@ -91,6 +99,8 @@ enum Kind {
     Restarts,
     /// All of it against one daemon.
     Everything,
+    /// Random bytes and mutated messages to admittance-egm, a thousand a second, from its robot's address and from others.
+    Egm,
 }
 
 impl Kind {
@@ -116,12 +126,15 @@ enum Count {
     Recordings,
     Kills,
     Rounds,
+    Datagrams,
+    Believable,
+    Answers,
 }
 
 type Counts = BTreeMap<Count, u64>;
 
 /// Runs a case: what it counted, and what it found.
-type Case = fn(&mut ChaCha8Rng, Option<&Path>, &mut Findings) -> Outcome<Counts>;
+type Case<'a> = Box<dyn Fn(&mut ChaCha8Rng, Option<&Path>, &mut Findings) -> Outcome<Counts> + 'a>;
 
 /// How much of a kind.
 #[derive(Debug, Clone, Copy)]
@@ -159,18 +172,26 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
 
 /// All cases of a kind. Whether something was found.
 fn attack(args: &Args, kind: Kind, seed: u64, interrupted: &dyn Fn() -> bool) -> Outcome<bool> {
-    let (extent, case): (Extent, Case) = match kind {
-        Kind::Samples => (Extent::Cases(args.samples.div_ceil(samples::PER_CASE)), samples::case),
+    let (extent, case): (Extent, Case<'_>) = match kind {
+        Kind::Samples => (Extent::Cases(args.samples.div_ceil(samples::PER_CASE)), Box::new(samples::case)),
         Kind::Configurations => {
-            (Extent::Cases(args.configurations.div_ceil(configurations::PER_CASE)), configurations::case)
+            (Extent::Cases(args.configurations.div_ceil(configurations::PER_CASE)), Box::new(configurations::case))
         }
-        Kind::Requests => (Extent::Cases(args.requests.div_ceil(requests::PER_CASE)), requests::case),
+        Kind::Requests => (Extent::Cases(args.requests.div_ceil(requests::PER_CASE)), Box::new(requests::case)),
         Kind::Recordings => return recordings::attack(&args.recordings_of, args.recordings, seed, args.index),
-        Kind::Restarts => (Extent::Cases(args.restarts.div_ceil(restarts::PER_CASE)), restarts::case),
+        Kind::Restarts => (Extent::Cases(args.restarts.div_ceil(restarts::PER_CASE)), Box::new(restarts::case)),
         Kind::Everything => {
-            (Extent::Time(Duration::from_secs_f64(args.minutes.clamp(0.0, 1e6) * 60.0)), everything::case)
+            (Extent::Time(Duration::from_secs_f64(args.minutes.clamp(0.0, 1e6) * 60.0)), Box::new(everything::case))
+        }
+        Kind::Egm => {
+            let (datagrams, edge) = (args.datagrams.min(egm::PER_CASE), args.edge.as_deref());
+            let case: Case<'_> =
+                Box::new(move |random, daemon, findings| egm::case(random, datagrams, (daemon, edge), findings));
+            (Extent::Cases(args.datagrams.div_ceil(egm::PER_CASE)), case)
         }
     };
+    // A case of fewer datagrams is the beginning of a longer one: what is found at its end is found by it alone.
+    let length = if kind == Kind::Egm { format!(" --datagrams {}", args.datagrams) } else { String::new() };
     let (begun, mut totals, mut cases, mut found) = (Instant::now(), Counts::new(), 0, 0);
     let mut index = args.index.unwrap_or(0);
     loop {
@@ -193,7 +214,7 @@ fn attack(args: &Args, kind: Kind, seed: u64, interrupted: &dyn Fn() -> bool) ->
         }
         found += u64::from(!findings.0.is_empty());
         if !findings.0.is_empty() {
-            println!("FOUND: admittance-lab hostile {} --seed {seed} --index {index}", kind.name());
+            println!("FOUND: admittance-lab hostile {} --seed {seed} --index {index}{length}", kind.name());
             findings.0.iter().for_each(|what| println!("  {}", what.replace('\n', "\n    ")));
         }
         (cases, index) = (cases + 1, index + 1);

@@ -89,7 +89,7 @@ impl Percentiles {
         }
     }
 
-    fn cells(&self) -> [String; 4] {
+    pub(crate) fn cells(&self) -> [String; 4] {
         [self.p50, self.p99, self.p999, self.max].map(|value| format!("{value:.1}"))
     }
 }

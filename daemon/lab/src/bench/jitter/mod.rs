@@ -3,7 +3,7 @@
 //! run.
 
 mod cyclictest;
-mod figures;
+pub(super) mod figures;
 mod load;
 pub(crate) mod observed;
 mod reference;
@@ -18,11 +18,11 @@ use load::Load;
 use runs::Runs;
 
 /// Where the plant runs.
-const PLANT_CPU: u32 = 0;
+pub(super) const PLANT_CPU: u32 = 0;
 /// The processor of the daemon, and in its turn of the reference.
-const DAEMON_CPU: u32 = 1;
+pub(super) const DAEMON_CPU: u32 = 1;
 /// SCHED_FIFO priority of the daemon, and of the reference.
-const PRIORITY: u32 = 85;
+pub(super) const PRIORITY: u32 = 85;
 /// Turns that the reference and the daemon take.
 const BLOCKS: u32 = 4;
 
@@ -131,7 +131,7 @@ fn section(cpu: u32) -> RealtimeSection {
 }
 
 /// The real-time rights that this process lacks.
-fn refusals() -> Vec<String> {
+pub(super) fn refusals() -> Vec<String> {
     let mut reports = vec![lock_memory(&section(DAEMON_CPU))];
     reports.extend(std::thread::spawn(|| apply_to_thread(&section(DAEMON_CPU))).join().unwrap_or_default());
     let refused = |report: StepReport| match report.outcome {
@@ -142,7 +142,7 @@ fn refusals() -> Vec<String> {
 }
 
 /// `work` on a real-time thread on this processor; where that is refused, on a normal one.
-fn on_processor<T: Send>(cpu: u32, work: impl FnOnce() -> T + Send) -> T {
+pub(super) fn on_processor<T: Send>(cpu: u32, work: impl FnOnce() -> T + Send) -> T {
     std::thread::scope(|scope| {
         let thread = scope.spawn(move || {
             apply_to_thread(&section(cpu));
