@@ -9,6 +9,7 @@ use nalgebra::SVector;
 use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::{SetPoint, Weights};
+use super::drive_way::DriveWay;
 use super::model::{Model, State};
 use super::qp::QpSolver;
 use super::step::position_by;
@@ -36,7 +37,6 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let weights = weights(situation.belief.surface(), steps);
         let start = situation.at_action(&settings, &ForceBounds::none());
         let twist_reference = &situation.sample.twist_reference;
-        let known_twist = &[SVector::zeros(); MAX_STEPS][..steps.len()];
         let mut constraints =
             settings.constraints(bounds(&settings, situation), twist_reference, situation, &start.state);
         // Standstill, or as close to it as the limits of the offset allow.
@@ -47,10 +47,25 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             SVector::from_fn(|axis, _| if settings.admittance[axis] { twist[axis] } else { 0.0 })
         };
         let way = (&on_inputs(&before), &on_inputs(&target));
+        // Axes without an input stand still, as soon as the drives allow.
+        let (mut known_twist, mut known_reference) = ([SVector::zeros(); MAX_STEPS], [SVector::zeros(); MAX_STEPS]);
+        let mut drive_way = None;
+        if let Some(driven) = situation.driven(&settings, true) {
+            let led = drive_way.insert(DriveWay::new(driven));
+            led.lead(situation, steps, |_| on_inputs(&target));
+            for ((twist, reference), led) in known_twist.iter_mut().zip(&mut known_reference).zip(&led.twists) {
+                *twist = led - on_inputs(led);
+                *reference = situation.joint_velocity(twist);
+            }
+        }
+        let (known_twist, known_reference) = (&known_twist[..steps.len()], &known_reference[..steps.len()]);
         constraints.bound_inward_speed(0.0, &situation.belief.surface().normal, known_twist, way, steps);
+        if let Some(way) = &drive_way {
+            constraints.keep_drives(way, situation, steps, (known_twist, known_reference), &SVector::zeros());
+        }
         let prediction = Prediction {
             initial: start.state,
-            known_reference: &[SVector::zeros(); MAX_STEPS][..steps.len()],
+            known_reference,
             drift: SVector::zeros(),
             inputs: InputAxes::from_mask(&settings.admittance),
             previous_input: before,
