@@ -54,11 +54,7 @@ impl Worst {
 }
 
 /// Judges `references` that came `interval_s` apart, from an arm that stood still.
-pub fn judge<'a>(
-    references: impl IntoIterator<Item = &'a [f64]>,
-    interval_s: f64,
-    limits: &Published,
-) -> Worst {
+pub fn judge<'a>(references: impl IntoIterator<Item = &'a [f64]>, interval_s: f64, limits: &Published) -> Worst {
     let joints = limits.speed.len();
     let (mut before, mut change_before) = (vec![0.0; joints], vec![0.0; joints]);
     let mut worst = Worst { speed: (0.0, 0), acceleration: (0.0, 0), jerk: (0.0, 0) };

@@ -175,6 +175,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// A cycle without a usable sample: nothing is learned and nothing solved.
     fn step_without_sample(&mut self, fault: SampleFault, now: Instant) -> CycleOutput<'_, N, D> {
         let Self { intake, belief, supervisor, output, .. } = self;
+        // How the arm turned at the last one is no longer true: a ramp to standstill would never end.
+        output.set_turning(SVector::zeros());
         let (last, surface) = (intake.last(), belief.surface());
         let can_retreat = last.is_some_and(|last| output.can_retreat(&last.twist_reference, surface));
         let movement = match (supervisor.bridge(&fault, now, intake.silence(now), can_retreat), last) {
