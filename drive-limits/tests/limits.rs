@@ -6,19 +6,16 @@ use proptest::prelude::*;
 /// The largest of each: speed, acceleration and jerk over its limit, seen from the stream alone.
 fn worst(limits: &DriveLimits<3>, stream: &[[f64; 3]], since: f64) -> [f64; 3] {
     let mut worst = [0.0_f64; 3];
-    let change = |k: usize, joint: usize| {
-        if k == 0 { 0.0 } else { (stream[k][joint] - stream[k - 1][joint]) / since }
-    };
-    for k in 1..stream.len() {
-        for joint in 0..3 {
-            let jerk = (change(k, joint) - change(k - 1, joint)) / since;
-            let parts = [
-                stream[k][joint] / limits.speed[joint],
-                change(k, joint) / limits.acceleration[joint],
-                jerk / limits.jerk[joint],
-            ];
+    let mut change_before = [0.0; 3];
+    for both in stream.windows(2) {
+        let change: [f64; 3] = std::array::from_fn(|joint| (both[1][joint] - both[0][joint]) / since);
+        for (joint, speed) in both[1].iter().enumerate() {
+            let jerk = (change[joint] - change_before[joint]) / since;
+            let parts =
+                [speed / limits.speed[joint], change[joint] / limits.acceleration[joint], jerk / limits.jerk[joint]];
             worst.iter_mut().zip(parts).for_each(|(worst, part)| *worst = worst.max(part.abs()));
         }
+        change_before = change;
     }
     worst
 }
