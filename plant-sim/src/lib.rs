@@ -7,6 +7,7 @@
 //! virtual time, or `shell` in real time; `egm` in real time as a robot that is guided over UDP.
 
 mod args;
+pub mod drives_section;
 mod egm;
 pub mod egm_section;
 pub mod environment;

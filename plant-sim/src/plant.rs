@@ -9,6 +9,7 @@ mod measurement;
 mod parameters;
 mod pressing;
 mod retreat;
+mod streaming;
 mod substep;
 
 pub use divergence::Divergence;
@@ -20,6 +21,7 @@ pub use retreat::Retreated;
 use dead_time::DeadTime;
 use measurement::Peaks;
 use retreat::Retreat;
+use streaming::Streaming;
 
 use crate::environment::{Contact, Surface};
 use crate::faults::FaultKind;
@@ -65,6 +67,8 @@ pub struct Plant<const N: usize, const D: usize> {
     reported_velocity: SVector<f64, N>,
     /// q̇_ref on its way to the loops.
     dead_time: DeadTime<N>,
+    /// Between the two, where the drives refuse jumps.
+    streaming: Option<Streaming<N>>,
     position_reference: SVector<f64, N>,
     kinematics: Kinematics<N>,
     creep: Creep,
@@ -110,6 +114,10 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             joints: JointState::at_rest(parameters.start),
             reported_velocity: SVector::zeros(),
             dead_time: DeadTime::new(parameters.dead_time_ns, changes as usize),
+            streaming: parameters.drives.map(|drives| {
+                let longest_ns = 4 * parameters.sampling_time_ns;
+                Streaming::new(drives, parameters.first_stamp_ns, parameters.command_delay_ns, longest_ns)
+            }),
             position_reference: parameters.start,
             kinematics,
             creep,
@@ -207,10 +215,12 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     fn pass_cycle(&mut self, twist: &SVector<f64, D>) {
         let start_ns = self.now_ns;
         let end_ns = start_ns + self.cycle_ns();
+        self.streaming.iter_mut().for_each(Streaming::forget);
         while self.now_ns < end_ns {
             self.playback.apply_due(self.now_ns);
             self.update_reference(twist);
-            let until_ns = [self.playback.next_due(), self.playback.next_change(self.now_ns)];
+            let streamed = self.streaming.as_ref().map(Streaming::next_ns);
+            let until_ns = [self.playback.next_due(), self.playback.next_change(self.now_ns), streamed];
             let until_ns = until_ns.into_iter().flatten().fold(end_ns, u64::min);
             self.integrate_until(until_ns, start_ns);
         }
@@ -274,7 +284,11 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         let twist = self.twist_reference();
         self.playback.apply_due(self.now_ns);
         self.update_reference(&twist);
-        while let Some(due_ns) = self.playback.next_due().filter(|due_ns| *due_ns <= instant_ns) {
+        let next = |plant: &Self| {
+            let streamed = plant.streaming.as_ref().map(Streaming::next_ns);
+            [plant.playback.next_due(), streamed].into_iter().flatten().min().filter(|due_ns| *due_ns <= instant_ns)
+        };
+        while let Some(due_ns) = next(self) {
             self.integrate_until(due_ns, start_ns);
             self.playback.apply_due(self.now_ns);
             self.update_reference(&twist);
@@ -307,8 +321,22 @@ impl<const N: usize, const D: usize> Plant<N, D> {
 
     /// q̇_ref = J⁻¹(q)(ṗ0 + Δṗ), or zero when holding.
     fn update_reference(&mut self, twist: &SVector<f64, D>) {
-        let reference = self.reference_of(&self.applied(), twist);
+        let mut reference = self.reference_of(&self.applied(), twist);
+        let is_braked = self.fault(FaultKind::DrivesDisabled);
+        if let Some(streaming) = &mut self.streaming {
+            if is_braked {
+                streaming.stand();
+            }
+            let Some(given) = streaming.next(self.now_ns, &reference) else { return };
+            reference = given;
+        }
         self.dead_time.push(self.now_ns, &reference);
+    }
+
+    /// The references that went to drives that refuse jumps in the last cycle, rad/s or m/s: what was asked for at each,
+    /// and what they were given. None where the scenario has no `[drives]`.
+    pub fn streamed(&self) -> (&[SVector<f64, N>], &[SVector<f64, N>]) {
+        self.streaming.as_ref().map_or((&[], &[]), Streaming::of_cycle)
     }
 
     fn reference_of(&mut self, applied: &Applied, twist: &SVector<f64, D>) -> SVector<f64, N> {

@@ -60,6 +60,8 @@ pub trait AnyPlant {
     fn begin_retreat(&mut self);
     /// How that ended; `None` before.
     fn retreated(&self) -> Option<Retreated>;
+    /// See [`Plant::streamed`]: of each reference what was asked for, and what the drives were given.
+    fn streamed(&self) -> Vec<[Vec<f64>; 2]>;
 }
 
 impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
@@ -146,6 +148,11 @@ impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
     fn retreated(&self) -> Option<Retreated> {
         self.retreated()
     }
+
+    fn streamed(&self) -> Vec<[Vec<f64>; 2]> {
+        let (asked, given) = self.streamed();
+        asked.iter().zip(given).map(|(asked, given)| [asked, given].map(|r| r.as_slice().to_vec())).collect()
+    }
 }
 
 /// The plant of a scenario; see [`setup::plant`].
@@ -197,6 +204,12 @@ impl VirtualRun {
     /// Drives that cannot hold the arm where it starts.
     pub fn overloads(&self) -> &[Overload] {
         self.plant.overloads()
+    }
+
+    /// The references that went to the drives in the last cycle, where the scenario has `[drives]`: of each what was asked
+    /// for, and what they were given.
+    pub fn streamed(&self) -> Vec<[Vec<f64>; 2]> {
+        self.plant.streamed()
     }
 }
 

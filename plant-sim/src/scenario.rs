@@ -7,6 +7,7 @@ use admittance_host::realtime::RealtimeSection;
 use admittance_host::robot_description::RobotDescription;
 use admittance_host::{config_file, config_section};
 
+use crate::drives_section::DrivesSection;
 use crate::egm_section::EgmSection;
 pub use crate::environment::SurfaceSection;
 use crate::faults::FaultKind;
@@ -131,6 +132,8 @@ config_section! {
         /// Masses, friction and drives of the arm; when absent its joints follow (4), whatever they
         /// press on.
         rigid_body: Option<RigidBodySection>;
+        /// What its drives take; any reference when absent.
+        drives: Option<DrivesSection>;
         /// Cycle and integration.
         timing: TimingSection;
         /// Where the arm starts.
@@ -173,6 +176,16 @@ fn sizes(scenario: &Scenario, _: &str, errors: &mut Vec<ConfigError>) {
     check("wrench.time_constant_s".into(), scenario.wrench.time_constant_s.len(), axes, "task axis");
     if let Some(arm) = &scenario.rigid_body {
         check("rigid_body.joint".into(), arm.joint.len(), joints, "joint");
+    }
+    if let Some(drives) = &scenario.drives {
+        let lists = [
+            ("joint_speed_rad_s", drives.joint_speed_rad_s.as_ref()),
+            ("joint_acceleration_rad_s2", Some(&drives.joint_acceleration_rad_s2)),
+            ("joint_jerk_rad_s3", drives.joint_jerk_rad_s3.as_ref()),
+        ];
+        for (key, list) in lists.into_iter().filter_map(|(key, list)| Some((key, list?))) {
+            check(format!("drives.{key}"), list.len(), joints, "joint");
+        }
     }
     for (index, motion) in scenario.motion.iter().enumerate() {
         check(format!("motion[{index}].twist"), motion.twist.len(), axes, "task axis");

@@ -130,6 +130,7 @@ pub fn plant<const N: usize, const D: usize>(
         },
         dead_time_ns: std::array::from_fn(|joint| nanoseconds(loops.dead_time[joint])),
         velocity_lag_s: loops.report_lag,
+        drives: scenario.drives.as_ref().map(|drives| drives.drives(nanoseconds(timing.sampling_time_s))),
         start,
         surface: scenario.surface.as_ref().map(SurfaceSection::surface),
         estimate: WrenchEstimate::new(vector(&scenario.wrench.time_constant_s)),

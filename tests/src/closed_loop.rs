@@ -177,6 +177,7 @@ impl Experiment {
                 normal,
                 stiffness,
                 tool_acceleration,
+                streamed: run.plant().streamed(),
             });
         }
         let normal = self.scenario.surface.as_ref().map_or([0.0; 3], |surface| surface.normal);
@@ -211,6 +212,9 @@ pub struct Instant {
     pub stiffness: f64,
     /// What the wrench shows of the tool's acceleration, m/s² and m²/s².
     pub tool_acceleration: [f64; 6],
+    /// The references that went to drives that refuse jumps until the next sample: of each what was asked for, and what
+    /// they were given.
+    pub streamed: Vec<[Vec<f64>; 2]>,
 }
 
 impl Instant {

@@ -9,6 +9,7 @@ mod binaries;
 pub mod c_controller;
 mod child;
 pub mod closed_loop;
+pub mod drive_judge;
 mod driven_clock;
 pub mod egm_robot;
 pub mod fault_matrix;

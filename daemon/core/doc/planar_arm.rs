@@ -68,6 +68,7 @@ pub(super) fn planar_arm() -> Parameters<2, 2> {
             outward_rate: None,
             joint_speed: None,
             joint_position: None,
+            drives: None,
         },
         contact_point: ContactPoint::Configured,
         policy: Policy { on_infeasible: OnInfeasible::Halt, on_contact_lost: OnContactLost::Continue },

@@ -26,7 +26,7 @@ pub struct Controller<const N: usize, const D: usize, S, B> {
     way: Option<WayObserver<N, D>>,
     supervisor: Supervisor<D>,
     mpc: Mpc<N, D, S, B>,
-    output: Output<D>,
+    output: Output<N, D>,
     cycles: u64,
 }
 
@@ -125,6 +125,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             Err(fault) => return self.step_without_sample(fault, now),
         };
         let joints = joints.follow(sample, output.under_way());
+        if parameters.limits.drives.is_some() {
+            output.set_turning(turning(parameters, sample, &joints, output));
+            if sample.arrival.is_new_run {
+                output.forget_streamed();
+            }
+        }
         let way = way.as_mut().and_then(|way| way.follow(sample, &joints, output.under_way(), belief.surface()));
         belief.sense(sample);
         let felt = belief.felt(&sample.wrench, &sample.wrench_covariance);
@@ -152,7 +158,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         }
         let predicted = predict(sample, joints, belief, supervisor, mpc, output, expired);
         let movement = predicted.movement.unwrap_or_else(|| match supervisor.mode() {
-            Mode::Idle(_) if supervisor.holds() => output.hold(sample.stamp),
+            Mode::Idle(_) if supervisor.holds() => output.hold(sample.stamp, Some(sample)),
             Mode::Idle(_) => output.rest(sample),
             Mode::Free { .. } | Mode::Contact(_) => {
                 let free = supervisor.free_offset(sample, belief);
@@ -169,6 +175,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// A cycle without a usable sample: nothing is learned and nothing solved.
     fn step_without_sample(&mut self, fault: SampleFault, now: Instant) -> CycleOutput<'_, N, D> {
         let Self { intake, belief, supervisor, output, .. } = self;
+        // How the arm turned at the last one is no longer true: a ramp to standstill would never end.
+        output.set_turning(SVector::zeros());
         let (last, surface) = (intake.last(), belief.surface());
         let can_retreat = last.is_some_and(|last| output.can_retreat(&last.twist_reference, surface));
         let movement = match (supervisor.bridge(&fault, now, intake.silence(now), can_retreat), last) {
@@ -177,7 +185,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             (Bridge::Plan, Some(last)) => output.play_plan(now, last),
             (Bridge::Retreat, Some(last)) => output.retreat(now, last, surface),
             (Bridge::Rest, _) => output.rest_without_sample(now),
-            (Bridge::Hold | Bridge::Ramp | Bridge::Plan | Bridge::Retreat, _) => output.hold(now),
+            (Bridge::Hold | Bridge::Ramp | Bridge::Plan | Bridge::Retreat, last) => output.hold(now, last),
         };
         // A stopped arm may retreat from where it is believed to be: that takes a person.
         if matches!(supervisor.mode(), Mode::Idle(_)) {
@@ -315,7 +323,7 @@ fn nearly_singular_ahead<const N: usize, const D: usize>(
     parameters: &Parameters<N, D>,
     sample: &Accepted<N, D>,
     joints: JointMotion<N>,
-    output: &Output<D>,
+    output: &Output<N, D>,
 ) -> Option<Singular> {
     let Parameters { chain, loops, timing, minimum_reciprocal_condition, .. } = parameters;
     let reference = sample.posture.inverse(0.0).ok()?.joint_velocity(&(sample.twist_reference + output.offset()));
@@ -328,6 +336,25 @@ fn nearly_singular_ahead<const N: usize, const D: usize>(
     (reciprocal_condition < *minimum_reciprocal_condition).then_some(Singular { reciprocal_condition })
 }
 
+/// By how much the joint references of a steady twist change in rad/s² as the arm turns: the twist streamed last,
+/// or before the first command ṗ0.
+fn turning<const N: usize, const D: usize>(
+    parameters: &Parameters<N, D>,
+    sample: &Accepted<N, D>,
+    joints: &JointMotion<N>,
+    output: &Output<N, D>,
+) -> SVector<f64, N> {
+    /// Time in s over which the difference is taken: far above rounding, far below what turns J.
+    const AHEAD: f64 = 1e-4;
+    let Ok(here) = sample.posture.inverse(0.0) else { return SVector::zeros() };
+    let streamed = output.streamed_before(sample.stamp);
+    let twist = streamed
+        .map_or(sample.twist_reference, |reference| sample.posture.jacobian() * SVector::from(reference.velocity));
+    let ahead = parameters.chain.kinematics(&(sample.joint_position + joints.velocity * AHEAD)).inverse::<D>(0.0);
+    ahead
+        .map_or_else(|_| SVector::zeros(), |ahead| (ahead.joint_velocity(&twist) - here.joint_velocity(&twist)) / AHEAD)
+}
+
 /// Contact and stop: asks the MPC for what the mode wants, a second time where the first answer is
 /// that the contact cannot go on.
 fn predict<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>>(
@@ -336,7 +363,7 @@ fn predict<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>>(
     belief: &Belief<D>,
     supervisor: &mut Supervisor<D>,
     mpc: &mut Mpc<N, D, S, B>,
-    output: &mut Output<D>,
+    output: &mut Output<N, D>,
     expired: &mut dyn FnMut() -> bool,
 ) -> Predicted<N, D> {
     let mut predicted = Predicted::nothing();

@@ -9,7 +9,7 @@ use crate::mpc::condensation::{Capacity, MAX_ROWS};
 use crate::mpc::{self, Discretization, LowerBound, Options, SolverCapacity};
 use crate::output::{self, Law, MAX_STEPS};
 use crate::quantities::Span;
-use crate::robot::{Chain, MotionLimits, VelocityLoops};
+use crate::robot::{Chain, DriveLimits, MotionLimits, VelocityLoops};
 use crate::supervisor::{self, Guards, Policy};
 use crate::surface::Surface;
 use crate::turn::Turn;
@@ -124,6 +124,12 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         }
     }
 
+    /// Time from one streamed reference to the next: a cycle, or the inputs within it.
+    pub fn tick(&self) -> Span {
+        let first = self.mpc.steps().first().map_or(self.timing.sampling_time, |step| Span::from_seconds(*step));
+        first.min(self.timing.sampling_time)
+    }
+
     /// Whether the way into the surface has to be known within a cycle: where the surface is learned,
     /// and where its point is detected while several inputs within a cycle bend the way.
     pub(crate) fn follows_way(&self) -> bool {
@@ -172,7 +178,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         }
     }
 
-    pub(crate) fn output(&self) -> output::Settings<D> {
+    pub(crate) fn output(&self) -> output::Settings<N, D> {
         output::Settings {
             law: self.law,
             admittance: self.thresholds.admittance,
@@ -180,7 +186,11 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             release_rate: self.limits.release_rate,
             // With a limit on its rate the offset may not jump; and the paper's ramp starts from
             // the last offset.
-            may_settle: self.limits.inward_rate.is_none() && self.mpc.lower_bound == LowerBound::OnceReached,
+            may_settle: self.limits.inward_rate.is_none()
+                && self.limits.drives.is_none()
+                && self.mpc.lower_bound == LowerBound::OnceReached,
+            drives: self.limits.drives,
+            tick: self.tick(),
             retreat_speed: self.stopping.retreat_speed,
             minimum_reciprocal_condition: self.minimum_reciprocal_condition,
             timing: self.timing,
@@ -221,6 +231,8 @@ pub enum ParameterError {
     /// The wrench is to follow from motor torques, and the axes differ in T_est, or it is 0, or there is a dead
     /// time; or the noise of torques or velocity is not above zero.
     MotorTorque,
+    /// A limit of the drives is not above zero.
+    DriveLimits,
     /// The storage is shorter than the horizon needs.
     Storage,
 }
@@ -259,6 +271,7 @@ impl core::fmt::Display for ParameterError {
                 "a wrench from motor torques needs one wrench_time_constant_s above 0 s on all axes, no dead time, and noise \
                  of torques and velocity above 0"
             }
+            Self::DriveLimits => "speed, acceleration and jerk of the joints must be above 0",
             Self::Storage => "the storage of the MPC is shorter than its horizon needs",
         })
     }
@@ -322,6 +335,12 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             && !self.can_observe(model)
         {
             return Err(ParameterError::MotorTorque);
+        }
+        if let Some(drives) = &self.limits.drives {
+            let DriveLimits { speed, acceleration, jerk } = &drives.limits;
+            if !speed.iter().chain(acceleration).chain(jerk).all(|limit| *limit > 0.0) {
+                return Err(ParameterError::DriveLimits);
+            }
         }
         match &self.law {
             Law::Damping { damping } if !damping.iter().all(positive) => Err(ParameterError::Damping),

@@ -161,6 +161,27 @@ fn lateness(config: &Config) -> Option<String> {
     })
 }
 
+/// What the drives are told to take, and what that makes of coming to rest.
+fn drives(config: &Config) -> Option<String> {
+    let limits = &config.limits;
+    let accelerations = limits.joint_acceleration_rad_s2.as_ref()?;
+    let jerk = match (&limits.joint_jerk_rad_s3, limits.stop_exceeds_jerk) {
+        (None, _) => "of any jerk".to_owned(),
+        (Some(jerks), false) => format!("with a jerk of at most {jerks:?} rad/s^3, in stops too"),
+        (Some(jerks), true) => format!("with a jerk of at most {jerks:?} rad/s^3, which stops may exceed"),
+    };
+    let rest = limits.joint_speed_rad_s.as_ref().map_or_else(String::new, |speeds| {
+        let slowest_s = speeds.iter().zip(accelerations).map(|(speed, most)| speed / most).fold(0.0, f64::max);
+        format!("; full speed takes up to {} s to brake", short(slowest_s))
+    });
+    let interval_ms = config.control.sampling_time_s / f64::from(config.inputs_per_cycle()) * 1e3;
+    Some(format!(
+        "drives: a reference every {} ms, its acceleration at most {accelerations:?} rad/s^2 (m/s^2 of joints that slide), \
+         {jerk}{rest}",
+        short(interval_ms)
+    ))
+}
+
 /// What the controller believes of the arm.
 fn belief(config: &Config) -> Vec<String> {
     let (robot, control) = (&config.robot, &config.control);
@@ -173,6 +194,7 @@ fn belief(config: &Config) -> Vec<String> {
         };
         lines.push(format!("joint {joint}: speed loop {order}, dead time {dead_time_s} s"));
     }
+    lines.extend(drives(config));
     lines.push(match robot.report_lag_s() {
         0.0 => "joint velocities: as reported".to_owned(),
         lag_s => format!("joint velocities: reported with a lag of {lag_s} s, estimated"),

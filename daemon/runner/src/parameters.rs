@@ -8,7 +8,7 @@ use admittance_core::mpc::{
 };
 use admittance_core::output::{Law, MAX_STEPS};
 use admittance_core::quantities::{Span, is_linear};
-use admittance_core::robot::{Interval, MotionLimits, Pose, rotation_from_rpy};
+use admittance_core::robot::{DriveLimits, Drives, Interval, MotionLimits, Pose, rotation_from_rpy};
 use admittance_core::supervisor::{Guards, OnContactLost, OnInfeasible, Policy};
 use admittance_core::surface::Surface;
 use admittance_core::{Parameters, Stopping};
@@ -151,6 +151,17 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
                 (Some(min), Some(max)) => Some(Interval { lower: joints(min)?, upper: joints(max)? }),
                 _ => None,
             },
+            drives: match &limits.joint_acceleration_rad_s2 {
+                None => None,
+                Some(acceleration) => Some(Drives {
+                    limits: DriveLimits {
+                        speed: of_joints(limits.joint_speed_rad_s.as_deref())?,
+                        acceleration: of_joints(Some(acceleration))?,
+                        jerk: of_joints(limits.joint_jerk_rad_s3.as_deref())?,
+                    },
+                    stop_exceeds_jerk: limits.stop_exceeds_jerk,
+                }),
+            },
         },
         contact_point: match (environment.unknown_stiffness(), environment.contact) {
             (Some(stiffness), contact) => ContactPoint::Learned(Prior {
@@ -215,6 +226,11 @@ pub fn conditioning<const D: usize>(wrench: &WrenchSection) -> Option<Conditioni
         tool_weight: Vector3::from(wrench.gravity_m_s2) * wrench.tool_mass_kg,
         tool_center_of_gravity: wrench.tool_center_of_gravity_m.into(),
     })
+}
+
+/// Limits of N joints, infinite where there are none; `None` if there are others.
+fn of_joints<const N: usize>(limits: Option<&[f64]>) -> Option<[f64; N]> {
+    limits.map_or(Some([f64::INFINITY; N]), |limits| limits.try_into().ok())
 }
 
 /// An optional list as a vector; `None` if its length differs.

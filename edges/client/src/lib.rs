@@ -26,9 +26,12 @@ mod limits;
 mod playback;
 mod ports;
 mod rejection;
+mod stream;
 
+pub use admittance_drive_limits::DriveLimits;
 pub use controller::{Arm, Controller, ControllerError};
 pub use limits::{LimitError, Limits};
 pub use playback::{Applied, Playback, Reception};
 pub use ports::{OpenError, Ports, Slot};
 pub use rejection::Rejection;
+pub use stream::{Drives, Stream};

@@ -1,5 +1,6 @@
 //! The parameters of a plant.
 
+use admittance_client::Drives;
 use admittance_core::robot::Chain;
 use nalgebra::SVector;
 
@@ -22,6 +23,8 @@ pub struct PlantParameters<const N: usize, const D: usize> {
     pub dead_time_ns: [u64; N],
     /// Time constant of the lag with which q̇ is reported, in s; 0 = none.
     pub velocity_lag_s: f64,
+    /// What the drives take; `None` is any reference.
+    pub drives: Option<Drives>,
     /// Joint position at the start, in rad; the arm is at rest.
     pub start: SVector<f64, N>,
     /// What the TCP may touch; `None` is free space.

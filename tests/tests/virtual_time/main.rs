@@ -5,6 +5,7 @@ mod contact_ends;
 mod deadline;
 mod default_profile;
 mod detection;
+mod drive_limits;
 mod foreign_contact;
 mod heavy_tool;
 mod inputs_within_the_cycle;

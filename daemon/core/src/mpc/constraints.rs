@@ -11,7 +11,7 @@ use nalgebra::SVector;
 use crate::mpc::condensation::InputAxes;
 use crate::mpc::horizon::Horizon;
 use crate::output::MAX_STEPS;
-use crate::robot::Interval;
+use crate::robot::{Interval, Reference};
 
 /// Bounds of the force on one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,6 +65,38 @@ pub struct NormalSpeed<const D: usize> {
     pub least: [f64; MAX_STEPS],
 }
 
+/// What the drives allow of the references in one cycle: (r_k − r_{k−1}) / h and the change of that over h, where h
+/// is the length of step k − 1 (of step 0 for k = 0).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DriveBounds<const N: usize> {
+    /// Largest of the first per joint, rad/s².
+    pub acceleration: SVector<f64, N>,
+    /// Largest of the second per joint, rad/s³; infinite where there is none.
+    pub jerk: SVector<f64, N>,
+    /// r before the first step.
+    pub before: Reference<N>,
+    /// r in each step without the inputs, rad/s: with the drift of the turning arm, and the turning of J.
+    pub without_inputs: [SVector<f64, N>; MAX_STEPS],
+}
+
+impl<const N: usize> DriveBounds<N> {
+    /// Before how many of the `steps` the jerk can be a bound: where its change over a longer one leads from full
+    /// acceleration to full braking, it is none.
+    fn jerk_steps(&self, steps: impl Iterator<Item = f64>) -> usize {
+        let binds = |since: f64| (0..N).any(|joint| self.jerk[joint] * since < 2.0 * self.acceleration[joint]);
+        steps.take_while(|since| binds(*since)).count()
+    }
+
+    /// What the change of r before step `step` is without the inputs, rad/s.
+    pub(crate) fn change(&self, step: usize) -> SVector<f64, N> {
+        let before = match step.checked_sub(1) {
+            Some(before) => self.without_inputs[before],
+            None => self.before.velocity.into(),
+        };
+        self.without_inputs[step] - before
+    }
+}
+
 /// Everything that is bounded in one cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Constraints<const N: usize, const D: usize> {
@@ -72,6 +104,8 @@ pub struct Constraints<const N: usize, const D: usize> {
     pub force: ForceBounds<D>,
     /// J⁻¹ (ṗ0 + Δṗ) in every step, rad/s.
     pub joint_speed: Option<Interval<N>>,
+    /// Change of the references, and the change of that.
+    pub drives: Option<DriveBounds<N>>,
     /// Where each joint would come to rest, q + T_V q̇, at the end of every step, rad: bounded
     /// itself, q could reach its limit at a speed.
     pub rest_position: Option<Interval<N>>,
@@ -86,7 +120,15 @@ pub struct Constraints<const N: usize, const D: usize> {
 impl<const N: usize, const D: usize> Constraints<N, D> {
     /// Only the force is bounded, as in the paper.
     pub fn of_force(force: ForceBounds<D>) -> Self {
-        Self { force, joint_speed: None, rest_position: None, offset: None, rate: None, normal_speed: None }
+        Self {
+            force,
+            joint_speed: None,
+            drives: None,
+            rest_position: None,
+            offset: None,
+            rate: None,
+            normal_speed: None,
+        }
     }
 }
 
@@ -95,6 +137,10 @@ impl<const N: usize, const D: usize> Constraints<N, D> {
 pub enum RowKind {
     /// Speed of a joint; the instant is the step.
     JointSpeed,
+    /// Change of a joint's reference; the instant is the step at whose start it changes.
+    JointAcceleration,
+    /// Change of that change relative to the times between; likewise.
+    JointJerk,
     /// Offset of an input axis; the instant is the step.
     Offset,
     /// Change of the offset of an input axis; the instant is the step at whose start it changes.
@@ -112,7 +158,7 @@ pub enum RowKind {
 }
 
 /// Number of kinds.
-pub(crate) const ROW_KINDS: usize = 8;
+pub(crate) const ROW_KINDS: usize = 10;
 
 /// The bounds of the force that one common slack t ≥ 0 softens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -154,6 +200,8 @@ pub struct Layout {
 
 const KINDS: [RowKind; ROW_KINDS] = [
     RowKind::JointSpeed,
+    RowKind::JointAcceleration,
+    RowKind::JointJerk,
     RowKind::Offset,
     RowKind::Rate,
     RowKind::NormalSpeed,
@@ -181,6 +229,12 @@ impl Layout {
         forced.iter_mut().zip(constraints.force.as_slice()).for_each(|(to, bound)| *to = bound.axis);
         let m = inputs.as_slice().len();
         layout.add(RowKind::JointSpeed, &joints[..if constraints.joint_speed.is_some() { N } else { 0 }], 0, steps);
+        let (driven, jerked) = constraints
+            .drives
+            .as_ref()
+            .map_or((0, 0), |drives| (N, drives.jerk_steps((0..steps).map(|step| horizon.since_change(step)))));
+        layout.add(RowKind::JointAcceleration, &joints[..driven], 0, steps);
+        layout.add(RowKind::JointJerk, &joints[..driven], 0, jerked);
         layout.add(RowKind::Offset, &inputs_of[..if constraints.offset.is_some() { m } else { 0 }], 0, steps);
         layout.add(RowKind::Rate, &inputs_of[..if constraints.rate.is_some() { m } else { 0 }], 0, steps);
         layout.add(RowKind::NormalSpeed, &[0][..usize::from(constraints.normal_speed.is_some())], 0, steps);

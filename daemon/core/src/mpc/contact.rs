@@ -6,7 +6,9 @@ use nalgebra::SVector;
 use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
+use super::drive_way::DriveWay;
 use super::every_surface::{of_set, pressing_everywhere};
+use super::full_outward::outward;
 use super::late_arm::{free_of_told, pressed_late};
 use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
@@ -33,6 +35,8 @@ const MOST_DRIFT: f64 = 0.1;
 const SLIDE: f64 = 0.95;
 /// How far below the limit a plan stays where it can, relative to how far above it may be.
 const ROOM: f64 = 2.0;
+/// Part of what the drives allow at once that a tool may have to leave a depth with.
+const BACK_AT_ONCE: f64 = 0.5;
 /// In how many times the lag of the speed loops and a cycle the force then settles.
 const SETTLING_LAGS: f64 = 3.0;
 
@@ -138,6 +142,23 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             let known = |axis: usize, _| sample.twist_reference[axis] + if inputs[axis] { 0.0 } else { ramp[axis] };
             *twist = SVector::from_fn(known);
         }
+        let slowing = if demand.inward_speed.is_finite() {
+            let excess = -surface.outward_speed(&sample.twist_reference) - demand.inward_speed;
+            SVector::from_fn(|axis, _| {
+                let reach = if inputs[axis] { settings.limits.offset[axis] } else { 0.0 };
+                (surface.normal[axis] * excess.max(0.0)).clamp(-reach, reach)
+            })
+        } else {
+            SVector::zeros()
+        };
+        let mut way = None;
+        if let Some(driven) = situation.driven(&settings, false) {
+            let way = way.insert(DriveWay::new(driven));
+            way.lead(situation, options.steps(), |step| known_twist[step] + slowing);
+            for (known, led) in known_twist.iter_mut().zip(&way.twists) {
+                (0..D).filter(|&axis| !inputs[axis]).for_each(|axis| known[axis] = led[axis]);
+            }
+        }
         let known_twist = &known_twist[..options.steps().len()];
         let mut known_reference = [SVector::zeros(); MAX_STEPS];
         let known_reference = &mut known_reference[..known_twist.len()];
@@ -199,18 +220,24 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let calm = if is_soft && demand.settles { (left / ENOUGH_SPEED).clamp(0.0, 1.0) } else { 0.0 };
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
-            let excess = -surface.outward_speed(&sample.twist_reference) - demand.inward_speed;
-            let slowing = SVector::from_fn(|axis, _| {
-                let reach = if inputs[axis] { settings.limits.offset[axis] } else { 0.0 };
-                (surface.normal[axis] * excess.max(0.0)).clamp(-reach, reach)
-            });
             let way = (&(sample.twist_reference + output.offset()), &(sample.twist_reference + slowing));
             constraints.bound_inward_speed(demand.inward_speed, &surface.normal, known_twist, way, options.steps());
         }
         if let (Some(speed), Some(bound)) =
             (of_set.and_then(|bounds| bounds.way_back(&settings, situation)), &mut constraints.normal_speed)
         {
+            let speed = match situation.driven(&settings, false) {
+                None => speed,
+                Some(mut driven) => {
+                    let first = driven.advance(options.steps()[0], &outward(&settings, situation));
+                    speed.min(BACK_AT_ONCE * surface.outward_speed(&(sample.posture.jacobian() * first)))
+                }
+            };
             bound.least[0] = bound.least[0].max(speed - surface.outward_speed(&known_twist[0]));
+        }
+        if let Some(way) = &way {
+            let known = (known_twist, &*known_reference);
+            constraints.keep_drives(way, situation, options.steps(), known, &sample.twist_reference);
         }
         // (The deepest point of a set counts without the arm's turning.)
         let drift = if is_soft && !demand.settles && set.is_none() {

@@ -1,4 +1,4 @@
-//! How deep the tool still gets when it is told to leave as fast as it can.
+//! How deep the tool still gets when it is told to leave as fast as it can, and as its drives allow.
 
 use nalgebra::SVector;
 
@@ -9,6 +9,8 @@ use super::{Discretization, Settings, Situation};
 /// Instants looked at in the lag of the slowest joint, and how many lags.
 const INSTANTS: f64 = 16.0;
 const LAGS: usize = 5;
+/// The same where the drives have to ramp up to it first: longer than any arm takes that is not told to creep.
+const RAMPED_LAGS: usize = 40;
 /// An axis without input keeps its twist within this, m/s and rad/s.
 const SAME: f64 = 1e-9;
 
@@ -49,13 +51,16 @@ fn deepest_force<const N: usize, const D: usize>(
     let force = |state: &State<N, D>| inward.dot(&model.linear_wrench(&state.joint_position));
     // Gradient of that force: its rate is the part of q̇ along it.
     let gradient = model.wrench_gradient * inward;
-    let reference = outward(settings, situation);
+    let fastest = outward(settings, situation);
+    let mut driven = situation.driven(settings, false);
     let duration = settings.loops.slowest() / INSTANTS;
     let step = Discretization::Zoh.step(duration, &settings.loops, &SVector::<f64, D>::zeros());
     let (mut state, mut time) = (*start, 0.0);
     let (mut deepest, mut when) = (force(&state), 0.0);
     let mut rate = gradient.dot(&state.joint_velocity);
-    for _ in 0..INSTANTS as usize * LAGS {
+    let instants = INSTANTS as usize * if driven.is_some() { RAMPED_LAGS } else { LAGS };
+    for _ in 0..instants {
+        let reference = driven.as_mut().map_or(fastest, |driven| driven.advance(duration, &fastest));
         let before = (force(&state), rate);
         state = model.advance(&step, &state, &reference);
         rate = gradient.dot(&state.joint_velocity);

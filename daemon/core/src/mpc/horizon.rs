@@ -155,6 +155,17 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
         self.shares[step]
     }
 
+    /// Time in s for which the input before step `step` has acted: the length of the step before; of the first
+    /// that of itself, since inputs follow one another as quickly from cycle to cycle.
+    pub fn since_change(&self, step: usize) -> f64 {
+        self.steps[step.saturating_sub(1)].duration
+    }
+
+    /// That over the same before the step before: 1 where they are alike.
+    pub(crate) fn since_ratio(&self, step: usize) -> f64 {
+        self.since_change(step) / self.since_change(step.saturating_sub(1))
+    }
+
     /// Start of step `step` in s from the sample.
     pub fn start_of(&self, step: usize) -> f64 {
         self.starts[step]

@@ -56,6 +56,7 @@ pub mod constraints;
 mod contact;
 #[doc(hidden)]
 pub mod cost;
+mod drive_way;
 mod every_surface;
 #[doc(hidden)]
 pub mod force_points;

@@ -29,7 +29,7 @@ pub(crate) struct Situation<'a, const N: usize, const D: usize> {
     /// The belief about the surface.
     pub belief: &'a Belief<D>,
     /// What has been told to the arm.
-    pub output: &'a Output<D>,
+    pub output: &'a Output<N, D>,
     /// How its joints really move.
     pub joints: JointMotion<N>,
     /// (17) at this sample.
@@ -54,7 +54,7 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
     pub(crate) fn new(
         sample: &'a Accepted<N, D>,
         belief: &'a Belief<D>,
-        output: &'a Output<D>,
+        output: &'a Output<N, D>,
         joints: JointMotion<N>,
     ) -> Result<Self, Singular> {
         let model = Model::new(belief.surface(), &sample.posture, &sample.joint_position)?;

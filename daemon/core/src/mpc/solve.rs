@@ -4,6 +4,7 @@ use nalgebra::SVector;
 
 use super::condensation::{MpcRows, Prediction, condense};
 use super::constraints::{Constraints, ForceBounds};
+use super::drive_way::DriveWay;
 use super::model::{CARRIED, State};
 use super::qp::{QpOutcome, QpSolver, kkt_residual};
 use super::verdict::{Contradiction, checked_contradiction, margin_of};
@@ -164,6 +165,7 @@ impl<const N: usize, const D: usize> Settings<N, D> {
         Constraints {
             force,
             joint_speed: limits.joint_speed.map(|speed| Interval { lower: -speed, upper: speed }),
+            drives: None,
             rest_position: limits.joint_position.as_ref().map(|limits| self.reachable(limits, situation, start)),
             offset: Some(Interval { lower: twist_reference - limits.offset, upper: twist_reference + limits.offset }),
             rate,
@@ -195,9 +197,20 @@ impl<const N: usize, const D: usize> Settings<N, D> {
             way += left * length;
         }
         let moved = situation.joint_velocity(&before) * (way * (1.0 + ROOM));
+        let Some(driven) = situation.driven(self, false) else {
+            return Interval {
+                lower: limits.lower.inf(&rest).inf(&(rest + moved)),
+                upper: limits.upper.sup(&rest).sup(&(rest + moved)),
+            };
+        };
+        // It goes on braking beyond the horizon: so much is left free before the limit.
+        let free = driven.braking_way();
+        let mut braking = DriveWay::new(driven);
+        braking.lead(situation, steps, |_| SVector::zeros());
+        let moved = braking.length(steps) * (1.0 + ROOM);
         Interval {
-            lower: limits.lower.inf(&rest).inf(&(rest + moved)),
-            upper: limits.upper.sup(&rest).sup(&(rest + moved)),
+            lower: (limits.lower + free).inf(&rest).inf(&(rest + moved)),
+            upper: (limits.upper - free).sup(&rest).sup(&(rest + moved)),
         }
     }
 }

@@ -9,7 +9,8 @@ use nalgebra::SVector;
 use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::{SetPoint, Weights};
-use super::model::{Model, State};
+use super::drive_way::DriveWay;
+use super::model::{Discretization, Model, State};
 use super::qp::QpSolver;
 use super::step::position_by;
 use super::{Mpc, Settings, Situation, Solution};
@@ -22,6 +23,8 @@ use crate::surface::{STANDSTILL, Surface};
 const LEAST: Slack = Slack { softened: Softened::Maximum, price: 1e3, curvature: 0.1 };
 /// R of the stop, relative to its velocity weight: only enough to make the QP strictly convex.
 const INPUT_WEIGHT: f64 = 1e-2;
+/// Ticks for which a ramp to standstill is followed.
+const RAMP_TICKS: usize = 256;
 
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
     /// Solves the stop. Its plan holds offsets to ṗ0, as every plan does. `expired` is called
@@ -36,7 +39,6 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let weights = weights(situation.belief.surface(), steps);
         let start = situation.at_action(&settings, &ForceBounds::none());
         let twist_reference = &situation.sample.twist_reference;
-        let known_twist = &[SVector::zeros(); MAX_STEPS][..steps.len()];
         let mut constraints =
             settings.constraints(bounds(&settings, situation), twist_reference, situation, &start.state);
         // Standstill, or as close to it as the limits of the offset allow.
@@ -47,10 +49,25 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             SVector::from_fn(|axis, _| if settings.admittance[axis] { twist[axis] } else { 0.0 })
         };
         let way = (&on_inputs(&before), &on_inputs(&target));
+        // Axes without an input stand still, as soon as the drives allow.
+        let (mut known_twist, mut known_reference) = ([SVector::zeros(); MAX_STEPS], [SVector::zeros(); MAX_STEPS]);
+        let mut drive_way = None;
+        if let Some(driven) = situation.driven(&settings, true) {
+            let led = drive_way.insert(DriveWay::new(driven));
+            led.lead(situation, steps, |_| on_inputs(&target));
+            for ((twist, reference), led) in known_twist.iter_mut().zip(&mut known_reference).zip(&led.twists) {
+                *twist = led - on_inputs(led);
+                *reference = situation.joint_velocity(twist);
+            }
+        }
+        let (known_twist, known_reference) = (&known_twist[..steps.len()], &known_reference[..steps.len()]);
         constraints.bound_inward_speed(0.0, &situation.belief.surface().normal, known_twist, way, steps);
+        if let Some(way) = &drive_way {
+            constraints.keep_drives(way, situation, steps, (known_twist, known_reference), &SVector::zeros());
+        }
         let prediction = Prediction {
             initial: start.state,
-            known_reference: &[SVector::zeros(); MAX_STEPS][..steps.len()],
+            known_reference,
             drift: SVector::zeros(),
             inputs: InputAxes::from_mask(&settings.admittance),
             previous_input: before,
@@ -81,9 +98,36 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let outward_speed = surface.outward_speed(&(sample.posture.jacobian() * state.joint_velocity));
         // f̂ lags behind: by it alone a stop would rest while the force still rises.
         let measured = surface.pressing_force(&sample.wrench).max(situation.belief.pressing_without_lag());
-        let coasting = peak_while_coasting(&situation.model, &self.settings.loops, &state, &-surface.normal);
+        let inward = -surface.normal;
+        let (ramping, state) = self.while_ramping(situation, state, &inward);
+        let coasting = ramping.max(peak_while_coasting(&situation.model, &self.settings.loops, &state, &inward));
         let limit = self.settings.stop_force;
         outward_speed >= -STANDSTILL && measured <= limit && coasting <= limit
+    }
+}
+
+impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
+    /// The largest f_lin along `direction` (in N) while the references go to zero as fast as the drives allow, and the
+    /// state when they are there.
+    fn while_ramping(
+        &self,
+        situation: &Situation<'_, N, D>,
+        mut state: State<N, D>,
+        direction: &SVector<f64, D>,
+    ) -> (f64, State<N, D>) {
+        let (settings, mut peak) = (&self.settings, f64::NEG_INFINITY);
+        let Some(mut driven) = situation.driven(settings, true) else { return (peak, state) };
+        let tick = settings.options.steps()[0].min(settings.timing.sampling_time.seconds());
+        let step = Discretization::Zoh.step(tick, &settings.loops, &SVector::zeros());
+        for _ in 0..RAMP_TICKS {
+            let reference = driven.advance(tick, &SVector::zeros());
+            if reference.iter().all(|speed| *speed == 0.0) {
+                break;
+            }
+            state = situation.model.advance(&step, &state, &reference);
+            peak = peak.max(direction.dot(&situation.model.linear_wrench(&state.joint_position)));
+        }
+        (peak, state)
     }
 }
 

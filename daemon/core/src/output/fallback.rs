@@ -10,22 +10,22 @@ use crate::intake::Accepted;
 use crate::quantities::Instant;
 use crate::surface::Surface;
 
-impl<const D: usize> Output<D> {
+impl<const N: usize, const D: usize> Output<N, D> {
     /// Without a sample in free motion: a ramp to zero continues.
-    pub(crate) fn play_ramp<const N: usize>(&mut self, now: Instant, last: &Accepted<N, D>) -> Movement<N, D> {
+    pub(crate) fn play_ramp(&mut self, now: Instant, last: &Accepted<N, D>) -> Movement<N, D> {
         self.shift_plan(now);
         self.after_sample(Source::Ramp, now, last)
     }
 
     /// Without a sample in contact: the last plan continues.
-    pub(crate) fn play_plan<const N: usize>(&mut self, now: Instant, last: &Accepted<N, D>) -> Movement<N, D> {
+    pub(crate) fn play_plan(&mut self, now: Instant, last: &Accepted<N, D>) -> Movement<N, D> {
         self.fallbacks += 1;
         self.shift_plan(now);
         self.after_sample(Source::Plan, now, last)
     }
 
     /// The same in a stop: the plan may be that of the contact before it, which pressed.
-    pub(crate) fn play_plan_in_stop<const N: usize>(
+    pub(crate) fn play_plan_in_stop(
         &mut self,
         now: Instant,
         last: &Accepted<N, D>,
@@ -36,12 +36,7 @@ impl<const D: usize> Output<D> {
     }
 
     /// Without a sample for longer than a plan lasts: leaves the surface, open loop.
-    pub(crate) fn retreat<const N: usize>(
-        &mut self,
-        now: Instant,
-        last: &Accepted<N, D>,
-        surface: &Surface<D>,
-    ) -> Movement<N, D> {
+    pub(crate) fn retreat(&mut self, now: Instant, last: &Accepted<N, D>, surface: &Surface<D>) -> Movement<N, D> {
         let offset = self.retreat_offset(&last.twist_reference, surface);
         self.set_constant(now, offset);
         self.after_sample(Source::Retreat, now, last)
@@ -59,11 +54,7 @@ impl<const D: usize> Output<D> {
 
     /// Without a solution: the last plan's offset for this instant; without a plan, the offset that
     /// cancels the part of ṗ0 into the surface.
-    pub(crate) fn fall_back<const N: usize>(
-        &mut self,
-        sample: &Accepted<N, D>,
-        surface: &Surface<D>,
-    ) -> Movement<N, D> {
+    pub(crate) fn fall_back(&mut self, sample: &Accepted<N, D>, surface: &Surface<D>) -> Movement<N, D> {
         self.fallbacks += 1;
         if self.plan.is_prediction() {
             self.shift_plan(sample.stamp);
@@ -77,7 +68,7 @@ impl<const D: usize> Output<D> {
     /// [`Self::fall_back`] of a stop: never inward, though the plan may be that of the contact
     /// before it. Once its plan `is_exhausted` it leaves the surface, open
     /// loop: held on the spring it would never reach a low force.
-    pub(crate) fn fall_back_in_stop<const N: usize>(
+    pub(crate) fn fall_back_in_stop(
         &mut self,
         sample: &Accepted<N, D>,
         surface: &Surface<D>,

@@ -54,6 +54,7 @@ mod fallback;
 mod movement;
 mod plan;
 mod ramp;
+mod streamed;
 #[cfg(test)]
 mod tests;
 mod under_way;
@@ -62,11 +63,13 @@ use nalgebra::SVector;
 
 pub use movement::Movement;
 pub use plan::{MAX_STEPS, Plan};
+use streamed::Streamed;
 pub use under_way::MAX_DELAY_CYCLES;
 pub(crate) use under_way::UnderWay;
 
 use crate::intake::{Accepted, Timing};
 use crate::quantities::{Instant, Span};
+use crate::robot::Drives;
 use crate::surface::Surface;
 use crate::turn::Turn;
 use admittance_vocabulary::{Motion, Source};
@@ -85,7 +88,7 @@ pub enum Law<const D: usize> {
 
 /// Settings of this stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Settings<const D: usize> {
+pub(crate) struct Settings<const N: usize, const D: usize> {
     /// Which law answers.
     pub law: Law<D>,
     /// Axes that admittance control may take over.
@@ -103,6 +106,10 @@ pub(crate) struct Settings<const D: usize> {
     pub minimum_reciprocal_condition: f64,
     /// How long commands are valid and when they act.
     pub timing: Timing,
+    /// What the drives allow.
+    pub drives: Option<Drives<N>>,
+    /// Time from one streamed reference to the next.
+    pub tick: Span,
 }
 
 /// How the damping law takes over another controller's offset.
@@ -125,25 +132,30 @@ pub(crate) enum ContactEnd {
 
 /// The stage.
 #[derive(Debug)]
-pub(crate) struct Output<const D: usize> {
-    settings: Settings<D>,
+pub(crate) struct Output<const N: usize, const D: usize> {
+    settings: Settings<N, D>,
     plan: Plan<D>,
     /// Δṗ of the last command: where the ramp of a released axis starts.
     offset: SVector<f64, D>,
     under_way: UnderWay<D>,
+    /// The joint references of the last command, where the drives limit them.
+    streamed: Option<Streamed<N>>,
+    turning: SVector<f64, N>,
     handover: Handover,
     limited: u64,
     fallbacks: u64,
 }
 
-impl<const D: usize> Output<D> {
+impl<const N: usize, const D: usize> Output<N, D> {
     /// Nothing told yet.
-    pub(crate) fn new(settings: Settings<D>) -> Self {
+    pub(crate) fn new(settings: Settings<N, D>) -> Self {
         Self {
             settings,
             plan: Plan::empty(),
             offset: SVector::zeros(),
             under_way: UnderWay::none(),
+            streamed: None,
+            turning: SVector::zeros(),
             handover: Handover::Done,
             limited: 0,
             fallbacks: 0,
@@ -152,7 +164,8 @@ impl<const D: usize> Output<D> {
 
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, plan, offset, under_way, handover: _, limited, fallbacks } = old;
+        let Self { settings: _, plan, offset, under_way, streamed, turning, handover: _, limited, fallbacks } = old;
+        (self.streamed, self.turning) = (*streamed, *turning);
         (self.plan, self.offset, self.under_way) = (*plan, *offset, *under_way);
         (self.limited, self.fallbacks) = (*limited, *fallbacks);
         self.handover = Handover::UnderWay;
@@ -171,15 +184,19 @@ impl<const D: usize> Output<D> {
     }
 
     /// Not in control, or not yet: ṗ0 unchanged.
-    pub(crate) fn rest<const N: usize>(&mut self, sample: &Accepted<N, D>) -> Movement<N, D> {
-        let movement = self.rest_without_sample(sample.stamp);
+    pub(crate) fn rest(&mut self, sample: &Accepted<N, D>) -> Movement<N, D> {
+        if self.settings.drives.is_some() {
+            self.set_constant(sample.stamp, SVector::zeros());
+            return self.at_sample(Source::None, sample);
+        }
+        let movement = self.without_offset(sample.stamp);
         Movement { twist_command: sample.twist_reference, ..movement }
     }
 
     /// Zero joint velocity; but ṗ0 may move the arm out of the surface, slowly: the twist that
     /// `retreat` makes of it and of the speed that is allowed. A ṗ0 that the limits do not allow to be
     /// slowed down is held too.
-    pub(crate) fn hold_or_retreat<const N: usize>(
+    pub(crate) fn hold_or_retreat(
         &mut self,
         sample: &Accepted<N, D>,
         retreat: impl FnOnce(&SVector<f64, D>, f64) -> Option<SVector<f64, D>>,
@@ -192,18 +209,22 @@ impl<const D: usize> Output<D> {
                 self.set_constant(sample.stamp, offset);
                 self.at_sample(Source::Retreat, sample)
             }
-            _ => self.hold(sample.stamp),
+            _ => self.hold(sample.stamp, Some(sample)),
         }
     }
 
-    /// Zero joint velocity.
-    pub(crate) fn hold<const N: usize>(&mut self, now: Instant) -> Movement<N, D> {
-        Movement { motion: Motion::Hold, ..self.rest_without_sample(now) }
+    /// Zero joint velocity; where the drives limit how fast, a plan that leads there from what was told to the arm
+    /// whose `last` sample this is.
+    pub(crate) fn hold(&mut self, now: Instant, last: Option<&Accepted<N, D>>) -> Movement<N, D> {
+        if let (Some(()), Some(last)) = (self.towards_standstill(now, last, true), last) {
+            return self.planned(Source::Ramp, now, last, false);
+        }
+        Movement { motion: Motion::Hold, ..self.without_offset(now) }
     }
 
     /// Free motion, and the damping law in every mode. While control is ending the damping law does
     /// not act: the offset goes to zero. Without a law it goes to `free`.
-    pub(crate) fn go_on<const N: usize>(
+    pub(crate) fn go_on(
         &mut self,
         sample: &Accepted<N, D>,
         in_contact: bool,
@@ -245,12 +266,7 @@ impl<const D: usize> Output<D> {
     }
 
     /// A prediction takes over.
-    pub(crate) fn follow<const N: usize>(
-        &mut self,
-        plan: &Plan<D>,
-        source: Source,
-        sample: &Accepted<N, D>,
-    ) -> Movement<N, D> {
+    pub(crate) fn follow(&mut self, plan: &Plan<D>, source: Source, sample: &Accepted<N, D>) -> Movement<N, D> {
         self.plan = *plan;
         self.at_sample(source, sample)
     }
@@ -258,7 +274,7 @@ impl<const D: usize> Output<D> {
     /// After a contact has ended: the ramp starts from where the plan would have ended, not from
     /// one cycle's offset on the way there. A contact that was lost is near: the arm approaches it
     /// anew from standstill, or from the speed that it had been slowed down to.
-    pub(crate) fn settle<const N: usize>(&mut self, end: ContactEnd, sample: &Accepted<N, D>, surface: &Surface<D>) {
+    pub(crate) fn settle(&mut self, end: ContactEnd, sample: &Accepted<N, D>, surface: &Surface<D>) {
         if !self.settings.may_settle || !self.plan.is_prediction() {
             return;
         }
@@ -273,7 +289,7 @@ impl<const D: usize> Output<D> {
     }
 
     /// Records the answer to a sample or silence at `stamp`: its command acts one delay later.
-    pub(crate) fn send<const N: usize>(&mut self, stamp: Instant, movement: &Movement<N, D>) {
+    pub(crate) fn send(&mut self, stamp: Instant, movement: &Movement<N, D>) {
         let from = stamp + self.settings.timing.command_delay;
         if movement.motion == Motion::Hold {
             return self.under_way.push(from, None);

@@ -57,6 +57,18 @@ impl<const D: usize> Plan<D> {
         (self.origin, self.len, self.start) = (Origin::Prediction, 0, start);
     }
 
+    /// Becomes one of the same origin as `other` from `start` on, still without steps.
+    pub(super) fn become_same(&mut self, other: &Self, start: Instant) {
+        (self.origin, self.len, self.start) = (other.origin, 0, start);
+    }
+
+    /// Lets the last step last until `validity` after the start.
+    pub(super) fn last_until(&mut self, validity: Span) {
+        if let Some(end) = self.ends[..self.len].last_mut() {
+            *end = (*end).max(validity.nanoseconds());
+        }
+    }
+
     /// Appends a step; beyond [`MAX_STEPS`] it is dropped.
     pub(crate) fn push(&mut self, offset: SVector<f64, D>, duration: Span) {
         if self.len < MAX_STEPS {

@@ -122,7 +122,7 @@ fn without_a_plan_or_a_sample_nothing_leads_into_the_surface() {
     assert!(normal().dot(&fallback.twist_command).abs() < 1e-12, "{}", fallback.twist_command);
     let retreat = output.retreat(sample.stamp, &sample, &surface);
     assert!(near(&retreat.twist_command, &(normal() * 0.05)), "{}", retreat.twist_command);
-    let hold: Movement<2, 2> = output.hold(sample.stamp);
+    let hold: Movement<2, 2> = output.hold(sample.stamp, Some(&sample));
     assert_eq!((hold.motion, hold.velocity_offset), (Motion::Hold, Vector2::zeros()));
     // Held, it may leave the surface at the retreat speed, and never enter it.
     let leave = |twist: &Vector2<f64>, speed: f64| surface.retreat_along(twist, speed);

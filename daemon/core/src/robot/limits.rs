@@ -1,5 +1,6 @@
 //! Limits of the joints and of the offset.
 
+use admittance_drive_limits::DriveLimits;
 use nalgebra::SVector;
 
 /// A lower and an upper bound for each of K values; infinite where a value is not bounded.
@@ -28,4 +29,23 @@ pub struct MotionLimits<const N: usize, const D: usize> {
     pub joint_speed: Option<SVector<f64, N>>,
     /// Joint positions, rad or m.
     pub joint_position: Option<Interval<N>>,
+    /// What the drives allow of the joint velocity references, J⁻¹ (ṗ0 + Δṗ), as they are streamed.
+    pub drives: Option<Drives<N>>,
+}
+
+/// Limits of the drives, which no reference may exceed, whatever it is for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drives<const N: usize> {
+    /// Speed, acceleration and jerk of the references.
+    pub limits: DriveLimits<N>,
+    /// Whether a minimum-force stop, and what brings the arm to rest after it, may exceed the jerk.
+    pub stop_exceeds_jerk: bool,
+}
+
+impl<const N: usize> Drives<N> {
+    /// What holds in a stop, or out of one.
+    pub fn limits(&self, in_stop: bool) -> DriveLimits<N> {
+        let jerk = if in_stop && self.stop_exceeds_jerk { [f64::INFINITY; N] } else { self.limits.jerk };
+        DriveLimits { jerk, ..self.limits }
+    }
 }

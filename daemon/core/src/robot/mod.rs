@@ -32,12 +32,13 @@ mod posture;
 mod task_axes;
 mod velocity_loops;
 
+pub use admittance_drive_limits::{DriveLimits, Reference};
 pub use arms::SUPPORTED_ARMS;
 pub use chain::{Chain, ChainError, Joint, JointKind, Kinematics, Pose, rotation_from_rpy};
 pub use dynamics::{ArmDynamics, DynamicsAt, DynamicsError, LinkInertia, Momentum};
 pub use friction::JointFriction;
 pub use inverse::{InverseJacobian, Singular, right_inverse};
-pub use limits::{Interval, MotionLimits};
+pub use limits::{Drives, Interval, MotionLimits};
 pub use posture::Posture;
 pub use task_axes::TaskAxes;
 pub use velocity_loops::VelocityLoops;

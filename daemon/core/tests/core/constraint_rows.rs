@@ -36,6 +36,26 @@ fn bounded<const N: usize, const D: usize>(shape: &Shape, problem: &Problem<N, D
         let value = problem.reference(z, k);
         (0..N).for_each(|i| push(RowKind::JointSpeed, i, k, value[i], speed.lower[i], speed.upper[i]));
     }
+    let drives = c.drives.expect("all kinds");
+    // Each change is counted over the length of the step before; the first over its own.
+    let since = |k: usize| steps[k.saturating_sub(1)];
+    let streamed = |k: usize| drives.without_inputs[k] + problem.model.jacobian_inverse * problem.input(z, k);
+    let acceleration = |k: usize| {
+        let before = if k == 0 { drives.before.velocity.into() } else { streamed(k - 1) };
+        (streamed(k) - before) / since(k)
+    };
+    for k in 0..h {
+        let (value, most) = (acceleration(k) * since(k), drives.acceleration * since(k));
+        (0..N).for_each(|i| push(RowKind::JointAcceleration, i, k, value[i], -most[i], most[i]));
+    }
+    for k in 0..h {
+        if (0..N).all(|i| drives.jerk[i] * since(k) >= 2.0 * drives.acceleration[i]) {
+            break;
+        }
+        let before = if k == 0 { drives.before.acceleration.into() } else { acceleration(k - 1) };
+        let (value, most) = ((acceleration(k) - before) * since(k), drives.jerk * (since(k) * since(k)));
+        (0..N).for_each(|i| push(RowKind::JointJerk, i, k, value[i], -most[i], most[i]));
+    }
     for k in 0..h {
         for &axis in p.inputs.as_slice() {
             push(RowKind::Offset, axis, k, problem.input(z, k)[axis], offset.lower[axis], offset.upper[axis]);

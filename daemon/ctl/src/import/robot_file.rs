@@ -123,6 +123,8 @@ fn limits(arm: &Arm) -> Vec<String> {
         "[limits]".to_owned(),
         format!("velocity_offset = {}   # of the default profile", per_axis(arm, 2.0, 6.0)),
         speed,
+        "# joint_acceleration_rad_s2, joint_jerk_rad_s3: optional, from the drives' documentation. A URDF has none."
+            .to_owned(),
     ];
     let ends = |end: usize| -> Vec<f64> {
         let no_limit = [-NO_LIMIT, NO_LIMIT];

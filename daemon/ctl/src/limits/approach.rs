@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use admittance_runner::config::{Config, FrameName, GivenInName, GivenSignName, WrenchSection as WrenchConditioning};
+use plant_sim::drives_section::DrivesSection;
 use plant_sim::pose::{self, ArmPose};
 use plant_sim::scenario::{
     MotionSection, NoiseSection, Scenario, SensorSection, StartSection, SurfaceSection, TimingSection, WrenchSection,
@@ -85,6 +86,17 @@ impl Approach {
         speeds.iter().zip(limits).map(|(speed, limit)| limit / speed.abs()).fold(f64::INFINITY, f64::min)
     }
 
+    /// Time in s that the drives take to the joint speeds of this motion; 0 where they are not limited.
+    fn ramp_s(&self, config: &Config, speed_m_s: f64) -> f64 {
+        let Some(accelerations) = &config.limits.joint_acceleration_rad_s2 else { return 0.0 };
+        let speeds = self.pose.joint_velocity_rad_s(&self.twist(config, speed_m_s)).unwrap_or_default();
+        let jerk = |joint: usize| config.limits.joint_jerk_rad_s3.as_ref().map_or(f64::INFINITY, |jerks| jerks[joint]);
+        let ramp_s = |(joint, (speed, acceleration)): (usize, (&f64, &f64))| {
+            speed.abs() / acceleration + (acceleration / jerk(joint)).min((speed.abs() / jerk(joint)).sqrt())
+        };
+        speeds.iter().zip(accelerations).enumerate().map(ramp_s).fold(0.0, f64::max)
+    }
+
     /// Part of the speed that goes into the surface.
     pub(crate) fn inward_share(&self) -> f64 {
         -dot(self.direction, self.normal)
@@ -96,12 +108,13 @@ impl Approach {
         let sampling_time_s = config.control.sampling_time_s;
         let whole_cycles = |time_s: f64| (time_s / sampling_time_s - 1e-9).ceil() * sampling_time_s;
         let slowest_s = config.robot.velocity_time_constant_s.iter().copied().fold(0.0, f64::max);
-        let contact_time_s = whole_cycles(APPROACH_LAGS * slowest_s);
+        let contact_time_s = whole_cycles(APPROACH_LAGS * slowest_s + self.ramp_s(config, speed_m_s));
         Scenario {
             name: "limits".to_owned(),
             ipc: config.ipc.clone(),
             robot: config.robot.clone(),
             rigid_body: None,
+            drives: drives(config),
             timing: TimingSection {
                 sampling_time_s,
                 command_delay_s: config.control.command_delay_s,
@@ -148,6 +161,17 @@ impl Approach {
             realtime: config.realtime.clone(),
         }
     }
+}
+
+/// Drives that take what the configuration says.
+fn drives(config: &Config) -> Option<DrivesSection> {
+    let limits = &config.limits;
+    Some(DrivesSection {
+        joint_speed_rad_s: limits.joint_speed_rad_s.clone(),
+        joint_acceleration_rad_s2: limits.joint_acceleration_rad_s2.clone()?,
+        joint_jerk_rad_s3: limits.joint_jerk_rad_s3.clone(),
+        interval_s: Some(config.control.sampling_time_s / f64::from(config.inputs_per_cycle())),
+    })
 }
 
 /// The sensor that `[wrench]` describes.

@@ -231,30 +231,47 @@ fn recommended(
 fn limits(path: &Path, config: &Config, question: &Question, threads: usize) -> Result<Limits, String> {
     let Question { approach, stiffnesses_n_m, sampling_times_s, instants } = question;
     let (own_time, own_stiffness) = (config.control.sampling_time_s, config.environment.normal_stiffness_n_m);
+    let unlimited = unlimited_drives(config);
     // Fast cycles take longest: they come first, so that no thread is left alone with one.
-    let mut pairs: Vec<(f64, f64)> = sampling_times_s
-        .iter()
-        .rev()
-        .flat_map(|time| stiffnesses_n_m.iter().map(move |stiffness| (*time, *stiffness)))
-        .collect();
+    let cells_of = |time: &f64| {
+        let limited = stiffnesses_n_m.iter().map(|stiffness| (config, *stiffness));
+        let unlimited = unlimited.iter().map(|config| (config, own_stiffness));
+        limited.chain(unlimited).map(|(config, stiffness)| (config, *time, stiffness)).collect::<Vec<_>>()
+    };
+    let mut asked: Vec<(&Config, f64, f64)> = sampling_times_s.iter().rev().flat_map(cells_of).collect();
     let is_own = |time: f64, stiffness: f64| cell::is_own(config, time) && stiffness == own_stiffness;
-    let asked = pairs.len();
-    if !pairs.iter().any(|(time, stiffness)| is_own(*time, *stiffness)) {
-        pairs.push((own_time, own_stiffness));
+    let is_limited = |of: &Config| std::ptr::eq(of, config);
+    let is_asked = asked.iter().any(|(of, time, stiffness)| is_limited(of) && is_own(*time, *stiffness));
+    if !is_asked {
+        asked.push((config, own_time, own_stiffness));
     }
     let of_cell = |time: f64| search::expected_tries((*instants).into()) * weight(time);
     let of_worlds = (WORLD_WEIGHT * (search::expected_tries(WORLDS) * weight(own_time)) as f64) as u64;
-    let total = pairs.iter().map(|(time, _)| of_cell(*time)).sum::<u64>() + of_worlds;
-    let progress = Progress::begin(total, &format!("{} cells and {WORLDS} worlds", pairs.len()));
-    let mut cells = parallel::map_within(&progress, pairs.len() as u64, threads, |index| {
-        let (time, stiffness) = pairs[index as usize];
+    let total = asked.iter().map(|(_, time, _)| of_cell(*time)).sum::<u64>() + of_worlds;
+    let progress = Progress::begin(total, &format!("{} cells and {WORLDS} worlds", asked.len()));
+    let found = parallel::map_within(&progress, asked.len() as u64, threads, |index| {
+        let (config, time, stiffness) = asked[index as usize];
         cell::cell(config, approach, time, stiffness, *instants, &progress.part(of_cell(time)))
     })?;
+    let (limited, unlimited): (Vec<_>, Vec<_>) = asked.iter().zip(found).partition(|((of, ..), _)| is_limited(of));
+    let [mut cells, unlimited] =
+        [limited, unlimited].map(|found| found.into_iter().map(|(_, cell)| cell).collect::<Vec<_>>());
     let own = cells.iter().find(|cell| is_own(cell.sampling_time_s, cell.stiffness_n_m)).cloned();
     let own = own.ok_or("the cell as configured was not computed")?;
     let recommended = recommended(config, approach, &own, threads, &progress.part(of_worlds))?;
-    cells.truncate(asked);
-    Ok(Limits::new(path, config, question, cells, recommended))
+    if !is_asked {
+        cells.pop();
+    }
+    Ok(Limits::new(path, config, question, cells, unlimited, recommended))
+}
+
+/// The same with drives that take any reference; `None` where they are not limited.
+fn unlimited_drives(config: &Config) -> Option<Config> {
+    config.limits.joint_acceleration_rad_s2.as_ref()?;
+    let mut unlimited = config.clone();
+    let limits = &mut unlimited.limits;
+    (limits.joint_acceleration_rad_s2, limits.joint_jerk_rad_s3, limits.stop_exceeds_jerk) = (None, None, false);
+    Some(unlimited)
 }
 
 #[cfg(test)]

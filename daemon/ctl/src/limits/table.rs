@@ -52,6 +52,9 @@ pub(crate) struct Limits {
     pub(crate) stiffnesses_n_m: Vec<f64>,
     /// Row by row.
     pub(crate) cells: Vec<Cell>,
+    /// At the configured stiffness, a row each, without the limits of the drives; empty where there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) cells_unlimited_drives: Vec<Cell>,
     /// For the cell as configured.
     recommended: Recommended,
     /// What it costs not to know the stiffness, where that was asked.
@@ -89,12 +92,15 @@ impl Limits {
         config: &Config,
         question: &Question,
         mut cells: Vec<Cell>,
+        mut cells_unlimited_drives: Vec<Cell>,
         recommended: Recommended,
     ) -> Self {
         let Question { approach, stiffnesses_n_m, sampling_times_s, instants } = question;
-        cells.sort_by(|a, b| {
+        let by_place = |a: &Cell, b: &Cell| {
             b.sampling_time_s.total_cmp(&a.sampling_time_s).then(a.stiffness_n_m.total_cmp(&b.stiffness_n_m))
-        });
+        };
+        cells.sort_by(by_place);
+        cells_unlimited_drives.sort_by(by_place);
         Self {
             config: path.display().to_string(),
             robot: config.robot.name.clone(),
@@ -120,6 +126,7 @@ impl Limits {
             ignorance: Vec::new(),
             notes: notes(config, question, &cells),
             cells,
+            cells_unlimited_drives,
         }
     }
 }
@@ -189,12 +196,18 @@ pub(crate) fn text(limits: &Limits) -> String {
     );
     let mut table = Table::new();
     let mark = |is_configured: bool| if is_configured { " *" } else { "" };
-    table.set_header(std::iter::once("cycle time".to_owned()).chain(
-        limits.stiffnesses_n_m.iter().map(|k| format!("{} N/m{}", stiffness(*k), mark(*k == limits.own_stiffness_n_m))),
-    ));
-    for (time, row) in limits.sampling_times_s.iter().zip(limits.cells.chunks(limits.stiffnesses_n_m.len().max(1))) {
+    let unlimited = limits
+        .cells_unlimited_drives
+        .first()
+        .map(|cell| format!("{} N/m, drives without limits", stiffness(cell.stiffness_n_m)));
+    let of_stiffness = |k: &f64| format!("{} N/m{}", stiffness(*k), mark(*k == limits.own_stiffness_n_m));
+    let header = std::iter::once("cycle time".to_owned()).chain(limits.stiffnesses_n_m.iter().map(of_stiffness));
+    table.set_header(header.chain(unlimited));
+    let rows = limits.cells.chunks(limits.stiffnesses_n_m.len().max(1));
+    for (index, (time, row)) in limits.sampling_times_s.iter().zip(rows).enumerate() {
         let name = format!("{} ms{}", milliseconds(*time), mark(*time == limits.own_sampling_time_s));
-        table.add_row(std::iter::once(name).chain(row.iter().map(entry)));
+        let unlimited = limits.cells_unlimited_drives.get(index);
+        table.add_row(std::iter::once(name).chain(row.iter().chain(unlimited).map(entry)));
     }
     let bounds: Vec<String> =
         limits.force_limits.iter().map(|limit| format!("{} N on {}", limit.force_limit_n, limit.axis)).collect();
@@ -321,7 +334,8 @@ pub(super) mod tests {
             limited_by: Some("stop: Infeasible".to_owned()),
             worlds: 100,
         };
-        Limits::new(Path::new("cell.toml"), &config, &question, cells, recommended)
+        let unlimited = vec![cell(0.00025, 1e5, Some(1.5), None), cell(0.004, 1e5, Some(0.567), Some(0.57))];
+        Limits::new(Path::new("cell.toml"), &config, &question, cells, unlimited, recommended)
     }
 
     #[test]
@@ -336,6 +350,8 @@ pub(super) mod tests {
             "4 ms *",
             "0.25 ms",
             "0.456",
+            "1e5 N/m, drives without limits",
+            "0.567",
             "Recommended as configured: 0.2 m/s (0.456 m/s with the model exactly as told)",
             "Above it comes: stop: Infeasible",
             ">= 1.23",

@@ -264,6 +264,7 @@ fn approach_surface<const N: usize, const M: usize>(
             known_reference: vec![commanded - drift; STEPS.len()],
             drift,
             constraints: Constraints {
+                drives: None,
                 force,
                 joint_speed: Some(limits.speed),
                 rest_position: Some(limits.position),

@@ -44,6 +44,9 @@ fn named(config: &Config, error: ParameterError) -> (&'static str, String) {
             ("contact.wrench_time_constant_s", format!("{:?}", contact.wrench_time_constant_s))
         }
         ParameterError::WrenchDeadTime => ("contact.wrench_dead_time_s", contact.wrench_dead_time_s.to_string()),
+        ParameterError::DriveLimits => {
+            ("limits.joint_acceleration_rad_s2", format!("{:?}", config.limits.joint_acceleration_rad_s2))
+        }
         ParameterError::Storage => ("mpc.horizon", format!("{:?}", config.mpc.horizon)),
     }
 }

@@ -105,6 +105,8 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     let per_joint = (joints, "one for each joint");
     let optional = [
         ("limits.joint_speed_rad_s", &limits.joint_speed_rad_s, per_joint),
+        ("limits.joint_acceleration_rad_s2", &limits.joint_acceleration_rad_s2, per_joint),
+        ("limits.joint_jerk_rad_s3", &limits.joint_jerk_rad_s3, per_joint),
         ("limits.joint_position_min_rad", &limits.joint_position_min_rad, per_joint),
         ("limits.joint_position_max_rad", &limits.joint_position_max_rad, per_joint),
         ("limits.inward_rate_m_s2", &limits.inward_rate_m_s2, per_axis),

@@ -32,10 +32,10 @@ use crate::mpc::horizon::Horizon;
 use crate::mpc::model::State;
 use crate::mpc::qp::{ALIGNMENT, Answer, Qp, RowState, Rows, before_cache_line, padded};
 
-/// Largest number of constraint rows: speed and position of 7 joints, offset and rate of 6 inputs
-/// in 32 steps, the upper and the softened lower bound of 6 forces at 96 points, and the slack make
-/// 1985.
-pub const MAX_ROWS: usize = 2048;
+/// Largest number of constraint rows: speed, acceleration, jerk and position of 8 joints, offset and rate of 6
+/// inputs and the speed along the normal in 32 steps, the upper and the softened lower bound of 6 forces at 96 points,
+/// and the slack make 2593.
+pub const MAX_ROWS: usize = 2624;
 
 /// Axes that have an input in this cycle, in ascending order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

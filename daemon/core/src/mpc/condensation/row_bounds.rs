@@ -117,6 +117,25 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
                 p.known_reference.iter().map(|here| (SimdVector::of(here), interval)),
             );
         }
+        if let Some(drives) = &c.drives {
+            // Each bound counts from what changes without the inputs.
+            let either_way = |limit: &nalgebra::SVector<f64, N>| Weighted::new(array(&-limit), array(limit));
+            let changes = (0..steps.len()).map(|step| {
+                let most = drives.acceleration * self.horizon.since_change(step);
+                (SimdVector::of(&drives.change(step)), either_way(&most))
+            });
+            bounds.put(self.rows(RowKind::JointAcceleration), N, changes);
+            let jerks = (0..steps.len()).map(|step| {
+                let (since, ratio) = (self.horizon.since_change(step), self.horizon.since_ratio(step));
+                let before = match step.checked_sub(1) {
+                    Some(before) => drives.change(before) * ratio,
+                    None => nalgebra::SVector::from(drives.before.acceleration) * since,
+                };
+                let most = drives.jerk * (since * since);
+                (SimdVector::of(&(drives.change(step) - before)), either_way(&most))
+            });
+            bounds.put(self.rows(RowKind::JointJerk), N, jerks);
+        }
         let inputs = p.inputs.as_slice();
         if let Some(interval) = &c.offset {
             let interval = Weighted::<M>::of(interval, inputs);

@@ -106,6 +106,34 @@ impl<'a, const N: usize, const D: usize, const M: usize, const C: usize> MpcRows
         SimdVector::new(&self.gradients.rows[index])
     }
 
+    /// What a jerk row at step `step` takes of the references in it and in the two before.
+    fn jerk_by_step(&self, step: usize) -> [f64; 3] {
+        let ratio = self.horizon.since_ratio(step);
+        [1.0, -1.0 - ratio, ratio]
+    }
+
+    /// The sensitivity to the reference in step `step` of the rows of the drives.
+    #[inline(always)]
+    fn pulled_by_drives(&self, multipliers: &[f64], step: usize) -> SimdVector<N> {
+        let mut pulled = SimdVector::ZERO;
+        if self.prediction.constraints.drives.is_none() {
+            return pulled;
+        }
+        let mut add = |kind, later: usize, by: f64| {
+            if let Some(row) = self.at(kind, step + later) {
+                pulled = section(multipliers, row).times_plus(SimdVector::splat(by), pulled);
+            }
+        };
+        add(RowKind::JointAcceleration, 0, 1.0);
+        add(RowKind::JointAcceleration, 1, -1.0);
+        for later in 0..3 {
+            // Beyond the last step there is no row, and no length.
+            let at = (step + later).min(self.horizon.steps().len() - 1);
+            add(RowKind::JointJerk, later, self.jerk_by_step(at)[later]);
+        }
+        pulled
+    }
+
     /// nᵀu.
     #[inline(always)]
     fn along_normal(&self, u: &[f64; M]) -> f64 {
@@ -158,6 +186,8 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> Rows for Mp
     fn values(&self, z: &[f64], out: &mut [f64]) {
         // Sections follow one another in the order of their kinds.
         let (speed, others) = out.split_at_mut(self.rows(RowKind::JointSpeed).len());
+        let (acceleration, others) = others.split_at_mut(self.rows(RowKind::JointAcceleration).len());
+        let (jerk, others) = others.split_at_mut(self.rows(RowKind::JointJerk).len());
         let (offset, others) = others.split_at_mut(self.rows(RowKind::Offset).len());
         let (rate, others) = others.split_at_mut(self.rows(RowKind::Rate).len());
         let (normal, others) = others.split_at_mut(self.rows(RowKind::NormalSpeed).len());
@@ -178,6 +208,9 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> Rows for Mp
             *normal = self.along_normal(u);
         }
         let mut speed = speed.as_chunks_mut::<N>().0.iter_mut();
+        let mut acceleration = acceleration.as_chunks_mut::<N>().0.iter_mut();
+        let mut jerk = jerk.as_chunks_mut::<N>().0.iter_mut();
+        let (mut reference_before, mut change_before) = (SimdVector::ZERO, SimdVector::ZERO);
         let mut rest = rest.as_chunks_mut::<N>().0.iter_mut();
         let mut force = force.chunks_exact_mut(self.bounded.max(1));
         let mut minimum = minimum.chunks_exact_mut(self.bounded.max(1));
@@ -188,6 +221,15 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> Rows for Mp
             let reference = self.inputs.times(SimdVector::new(u));
             if let Some(speed) = speed.next() {
                 *speed = reference.array();
+            }
+            if let Some(acceleration) = acceleration.next() {
+                let change = reference.minus(reference_before);
+                *acceleration = change.array();
+                if let Some(jerk) = jerk.next() {
+                    let ratio = SimdVector::splat(self.horizon.since_ratio(k));
+                    *jerk = change.minus(change_before.times(ratio)).array();
+                }
+                (reference_before, change_before) = (reference, change);
             }
             while let [point, later @ ..] = points
                 && point.step == k
@@ -220,9 +262,13 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> Rows for Mp
         // An input that does not act at once has no coefficient in its own step.
         let delay = self.horizon.first_reached();
         let first = match kind {
-            RowKind::JointSpeed | RowKind::Offset | RowKind::Rate | RowKind::NormalSpeed | RowKind::RestPosition => {
-                self.inputs_of(instant).start
-            }
+            RowKind::JointSpeed
+            | RowKind::JointAcceleration
+            | RowKind::JointJerk
+            | RowKind::Offset
+            | RowKind::Rate
+            | RowKind::NormalSpeed
+            | RowKind::RestPosition => self.inputs_of(instant).start,
             RowKind::Force | RowKind::MinimumForce => {
                 self.inputs_of(self.horizon.force_points()[instant].step - delay).start
             }
@@ -234,6 +280,13 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> Rows for Mp
             RowKind::JointSpeed => {
                 for (value, coefficient) in out[first..].iter_mut().zip(self.inputs.rows[component]) {
                     *value = coefficient;
+                }
+            }
+            RowKind::JointAcceleration | RowKind::JointJerk => {
+                let by_step = if kind == RowKind::JointJerk { self.jerk_by_step(instant) } else { [1.0, -1.0, 0.0] };
+                let places = out[first..self.inputs_of(0).end].chunks_exact_mut(M);
+                for (place, by) in places.zip(by_step) {
+                    place.iter_mut().zip(self.inputs.rows[component]).for_each(|(value, v)| *value = v * by);
                 }
             }
             RowKind::Offset | RowKind::Rate => {
@@ -304,6 +357,7 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> Rows for Mp
             if let Some(row) = self.at(RowKind::JointSpeed, k) {
                 reference = reference.plus(section(multipliers, row));
             }
+            reference = reference.plus(self.pulled_by_drives(multipliers, k));
             self.add_to_inputs(k, reference, out);
             let inputs = self.inputs_of(k);
             if let Some(row) = self.at(RowKind::Offset, k) {

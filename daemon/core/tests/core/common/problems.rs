@@ -2,11 +2,11 @@
 //! arm.
 
 use admittance_core::mpc::condensation::{Capacity, InputAxes, MpcRows, Prediction, Slack, Workspace};
-use admittance_core::mpc::constraints::{AxisBound, Constraints, ForceBounds, NormalSpeed, Softened};
+use admittance_core::mpc::constraints::{AxisBound, Constraints, DriveBounds, ForceBounds, NormalSpeed, Softened};
 use admittance_core::mpc::cost::{SetPoint, Weights};
 use admittance_core::mpc::horizon::Horizon;
 use admittance_core::mpc::model::{Discretization, Model, State};
-use admittance_core::robot::{Interval, VelocityLoops};
+use admittance_core::robot::{Interval, Reference, VelocityLoops};
 use nalgebra::{SMatrix, SVector, Vector2};
 
 use super::{joint_weights, model, parameters, pushing, task_weights};
@@ -262,6 +262,16 @@ impl Shape {
             constraints: Constraints {
                 force,
                 joint_speed: Some(numbers.interval(3.0)),
+                drives: Some(DriveBounds {
+                    acceleration: numbers.positive(20.0),
+                    // Over the longer steps some are no bound.
+                    jerk: numbers.positive(6000.0),
+                    before: Reference {
+                        velocity: numbers.vector::<N>(1.0).into(),
+                        acceleration: numbers.vector::<N>(9.0).into(),
+                    },
+                    without_inputs: std::array::from_fn(|_| numbers.vector(1.0)),
+                }),
                 rest_position: Some(numbers.interval(2.0)),
                 offset: Some(numbers.interval(0.5)),
                 rate: Some(numbers.interval(20.0)),
