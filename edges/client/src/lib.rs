@@ -22,12 +22,16 @@
 //! ```
 
 mod controller;
+mod lead;
+mod led;
 mod limits;
 mod playback;
 mod ports;
 mod rejection;
 
 pub use controller::{Arm, Controller, ControllerError};
+pub use lead::{Lead, LeadLimits, LeadRefusal, Rotation};
+pub use led::Led;
 pub use limits::{LimitError, Limits};
 pub use playback::{Applied, Playback, Reception};
 pub use ports::{OpenError, Ports, Slot};
