@@ -1,5 +1,5 @@
 #!/bin/sh
-# Debian packages of what deploy/install.sh and edges/c/install lay down: see usage below.
+# Debian packages of what deploy/install.sh and edges/c/install lay down: see usage below. docs/operating.md says why not cargo-deb.
 set -eu
 
 usage() {
@@ -130,8 +130,9 @@ Lets an arm touch stiff surfaces at speed: each cycle it predicts the contact
 with a small MPC, keeps the force between a minimum and a maximum, and knows
 when that is impossible. It meets the motion controller in shared memory.
 .
-The daemon, the operator's tool admittancectl, and plant-sim, which emulates
-motion controller and robot. They need an x86-64-v3 processor. It is not a
+The daemon, the operator's tool admittancectl, admittance-egm, which speaks
+Externally Guided Motion with ABB robots, and plant-sim, which emulates motion
+controller and robot. They need an x86-64-v3 processor. It is not a
 safety-rated device.
 END
 

@@ -2,6 +2,7 @@
 the stub of its samples."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -48,4 +49,10 @@ class ForEveryPython(bdist_wheel):
         return "py3", "none", super().get_tag()[2]
 
 
-setup(cmdclass={"build_py": WithLibrary, "bdist_wheel": ForEveryPython}, distclass=OfOneMachine)
+def version():
+    """The workspace's, which is said there."""
+    manifest = (HERE.parent.parent / "Cargo.toml").read_text()
+    return re.search(r'^version = "(.*)"$', manifest, re.MULTILINE)[1]
+
+
+setup(version=version(), cmdclass={"build_py": WithLibrary, "bdist_wheel": ForEveryPython}, distclass=OfOneMachine)

@@ -12,3 +12,4 @@ pub mod readable;
 pub mod realtime;
 pub mod robot_description;
 pub mod time_limit;
+pub mod twist_section;

@@ -44,6 +44,14 @@ vocabulary! {
     }
 }
 
+vocabulary! {
+    /// The axes in which a twist is given. It is of the TCP in either.
+    pub enum TwistFrame as "TwistFrame" {
+        Base = 0 as "base" "Axes of the robot's base frame.";
+        Tool = 1 as "tool" "Axes of the tool's frame as it is measured to stand.";
+    }
+}
+
 /// Every wire enum of the contract.
 pub const ENUMS: &[EnumInfo] = &[
     Motion::INFO,
@@ -58,4 +66,5 @@ pub const ENUMS: &[EnumInfo] = &[
     RecordKind::INFO,
     Fault::INFO,
     TaskAxis::INFO,
+    TwistFrame::INFO,
 ];

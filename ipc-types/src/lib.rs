@@ -4,7 +4,7 @@
 //!
 //! - [`StateSample`], [`CommandSample`], [`TruthSample`], [`RequestSample`], [`ResponseSample`],
 //!   [`RecordSample`],
-//!   [`DiagnosticsSample`]: fixed-size samples.
+//!   [`DiagnosticsSample`], [`TwistSample`]: fixed-size samples.
 //! - [`services`]: one function per service.
 //! - [`IpcSettings`]: root path, prefix and instance, from which nodes are made.
 //! - [`schema`]: the contract as JSON and as a C header, for clients in other languages.
@@ -38,7 +38,7 @@ pub mod services;
 pub use c_header::c_header;
 pub use enums::{
     ENUMS, Fault, Law, Mode, Motion, RecordKind, RequestKind, ResponseStatus, Side, Source, StopReason, TaskAxis,
-    Verdict,
+    TwistFrame, Verdict,
 };
 pub use errors::{PortError, ServiceError};
 pub use instance::{Instance, InstanceError, MAX_INSTANCE_LENGTH};
@@ -50,6 +50,7 @@ pub use ports::{
 pub use removal::{RemoveError, remove_all, shared_memory_files};
 pub use samples::{
     CommandSample, DiagnosticsSample, RecordSample, RequestSample, ResponseSample, SAMPLES, StateSample, TruthSample,
+    TwistSample,
 };
 pub use schema::{json_schema, schema_json};
 pub use services::Access;

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::layout::{FieldInfo, SampleInfo};
 use crate::qos::{EventQos, PublishSubscribeQos, RequestResponseQos, ServiceSpec};
-use crate::services::{COMMAND, COMMAND_ARRIVAL, DIAGNOSTICS, RECORD, REQUEST, STATE, STATE_ARRIVAL, TRUTH};
+use crate::services::{COMMAND, COMMAND_ARRIVAL, DIAGNOSTICS, RECORD, REQUEST, STATE, STATE_ARRIVAL, TRUTH, TWIST};
 use crate::{ENUMS, MAX_JOINTS, MAX_PLAN, QUANTILES, REQUEST_VALUES, SAMPLES, SCHEMA_VERSION, TASK_AXES, TEXT_LENGTH};
 
 /// The whole contract. Its JSON form is made by [`schema_json`].
@@ -234,6 +234,7 @@ fn services() -> Vec<ServiceEntry> {
         publish_subscribe(&TRUTH),
         publish_subscribe(&RECORD),
         publish_subscribe(&DIAGNOSTICS),
+        publish_subscribe(&TWIST),
         request_response(&REQUEST),
     ]
 }

@@ -10,7 +10,7 @@ use crate::ports::{Event, PublishSubscribe, RequestResponse, open_failure};
 use crate::qos::{EventQos, PublishSubscribeQos, RequestResponseQos, ServiceSpec};
 use crate::{
     CommandSample, DiagnosticsSample, Instance, Node, RecordSample, RequestSample, ResponseSample, StateSample,
-    TruthSample,
+    TruthSample, TwistSample,
 };
 
 /// How a service is reached.
@@ -128,6 +128,19 @@ pub const DIAGNOSTICS: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
     qos: NEWEST,
 };
 
+/// Where other programs lead the arm.
+pub const TWIST: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
+    name: "twist",
+    meaning: "Where a program leads the TCP, for a motion controller that takes its commanded motion from here; one program at a \
+              time.",
+    creator: "a motion controller that takes twists",
+    program: "a motion controller that takes twists (admittance-egm or plant-sim with a [twist] section)",
+    writer: "a program that leads, such as admittancectl move",
+    reader: "a motion controller that takes twists",
+    samples: &[TwistSample::INFO],
+    qos: NEWEST,
+};
+
 /// Requests to the daemon.
 pub const REQUEST: ServiceSpec<RequestResponseQos> = ServiceSpec {
     name: "request",
@@ -221,6 +234,14 @@ pub fn diagnostics(
     access: Access,
 ) -> Result<PublishSubscribe<DiagnosticsSample>, ServiceError> {
     publish_subscribe(node, instance, access, &DIAGNOSTICS)
+}
+
+/// Where other programs lead the arm: `admittanced/INSTANCE/twist`.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn twist(node: &Node, instance: &Instance, access: Access) -> Result<PublishSubscribe<TwistSample>, ServiceError> {
+    publish_subscribe(node, instance, access, &TWIST)
 }
 
 /// Requests to the daemon: `admittanced/INSTANCE/request`.

@@ -45,6 +45,11 @@ pub(crate) fn run(
             format!("--egm {edge}: the scenario has no [egm]; accepted: one, which may be empty"),
         ));
     };
+    if scenario.twist.is_some() {
+        let why =
+            format!("--egm {edge}: the scenario has [twist]; accepted: none, since the edge's file says who leads it");
+        return Err((ExitCode::Config, why));
+    }
     let unavailable = |why: String| (ExitCode::Unavailable, why);
     let node = settings.node("plant-sim").map_err(|error| unavailable(error.to_string()))?;
     let truths = services::truth(&node, &settings.instance, Access::OpenOrCreate)

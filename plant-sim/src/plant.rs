@@ -82,6 +82,9 @@ pub struct Plant<const N: usize, const D: usize> {
     divergence: Option<Divergence>,
     /// Drives that cannot hold the arm where it starts.
     overloads: Vec<Overload>,
+    /// Where another program leads the arm, from this sample and from the next one on, m/s and rad/s; `None` where the motion
+    /// does.
+    lead: Option<[SVector<f64, D>; 2]>,
     /// The way out of the surface, once it has begun.
     retreat: Option<Retreat>,
     sample: StateSample,
@@ -129,6 +132,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             singular: false,
             divergence: None,
             overloads: parameters.joints.overloads(),
+            lead: None,
             retreat: None,
             sample: StateSample::zeroed(),
             parameters,
@@ -236,6 +240,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         if self.index == 0 {
             self.motion_began_ns = Some(self.now_ns);
         }
+        self.lead = self.lead.map(|[_, next]| [next, next]);
         self.sequence += self.parameters.faults.sequence_step(self.index);
         self.began_ns = self.now_ns;
         self.playback.begin_sample(self.sequence, self.now_ns);

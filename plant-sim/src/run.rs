@@ -1,8 +1,8 @@
 //! A plant of any of the known arms behind one interface, and its run in virtual time.
 
-use admittance_client::{Applied, Reception, Rejection};
+use admittance_client::{Applied, Reception, Rejection, Rotation};
 use admittance_core::with_arm;
-use ipc_types::{CommandSample, MAX_JOINTS, StateSample, TruthSample, VirtualPlant};
+use ipc_types::{CommandSample, MAX_JOINTS, StateSample, TASK_AXES, TruthSample, VirtualPlant};
 
 use crate::plant::{CycleTiming, Divergence, Led, Plant, Retreated};
 use crate::rigid_body::Overload;
@@ -32,6 +32,10 @@ pub trait AnyPlant {
     fn settle(&mut self, timing: CycleTiming) -> TruthSample;
     /// Goes on to the next sample.
     fn integrate(&mut self);
+    /// See [`Plant::lead`].
+    fn lead(&mut self, twist: &[f64; TASK_AXES]);
+    /// See [`Plant::tool_axes`].
+    fn tool_axes(&self) -> Rotation;
     /// See [`Plant::cycle_end_ns`].
     fn cycle_end_ns(&self) -> u64;
     /// See [`Plant::shows_commands`].
@@ -91,6 +95,14 @@ impl<const N: usize, const D: usize> AnyPlant for Plant<N, D> {
 
     fn integrate(&mut self) {
         self.integrate();
+    }
+
+    fn lead(&mut self, twist: &[f64; TASK_AXES]) {
+        self.lead(twist);
+    }
+
+    fn tool_axes(&self) -> Rotation {
+        self.tool_axes()
     }
 
     fn cycle_end_ns(&self) -> u64 {

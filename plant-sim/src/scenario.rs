@@ -5,6 +5,7 @@ use admittance_host::config::ConfigError;
 use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
 use admittance_host::robot_description::RobotDescription;
+use admittance_host::twist_section::TwistSection;
 use admittance_host::{config_file, config_section};
 
 use crate::drives_section::DrivesSection;
@@ -149,6 +150,9 @@ config_section! {
         noise: NoiseSection;
         /// Phases of the commanded motion, one after the other.
         motion: Vec<MotionSection>, length 1..=64;
+        /// Other programs lead the arm once the motion has begun; the motion then says for how long alone, and its twists
+        /// are zero.
+        twist: Option<TwistSection>;
         /// Scripted faults.
         fault: Vec<FaultSection> = Vec::new(), length 0..=64;
         /// The robot's end of EGM; looked at with plant-sim --egm alone, which needs it.
@@ -194,6 +198,14 @@ fn sizes(scenario: &Scenario, _: &str, errors: &mut Vec<ConfigError>) {
     if let Some(egm) = scenario.egm.as_ref().filter(|egm| egm.jitter_s >= cycle_s) {
         let accepted = format!("below timing.sampling_time_s = {cycle_s} s");
         errors.push(ConfigError::new("egm.jitter_s", egm.jitter_s, accepted));
+    }
+    if scenario.twist.is_some() {
+        for (index, motion) in scenario.motion.iter().enumerate() {
+            if motion.twist.iter().any(|value| *value != 0.0) {
+                let key = format!("motion[{index}].twist");
+                errors.push(ConfigError::new(key, format!("{:?}", motion.twist), "zeros with [twist], or no [twist]"));
+            }
+        }
     }
     let damping = scenario.robot.velocity_loop.as_ref().and_then(|beyond| beyond.damping.as_ref());
     let damped = damping.filter(|damping| damping.iter().any(|damping| *damping > 0.0));

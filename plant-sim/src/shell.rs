@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use admittance_client::Ports;
+use admittance_client::{LeadRefusal, Led, Ports};
 use admittance_core::quantities::Span;
 use admittance_host::clock::{monotonic_ns, sleep_then_spin_until_ns, sleep_until_ns};
 use admittance_host::config::{self, LoadError};
@@ -94,6 +94,13 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
         .map_err(|error| unavailable(error.to_string()))?
         .publisher()
         .map_err(|error| unavailable(error.to_string()))?;
+    let led = match &scenario.twist {
+        None => None,
+        Some(section) => Some(
+            Led::open(&settings, "plant-sim twist", section.limits())
+                .map_err(|error| (ExitCode::of_refusal(error.is_permission()), error.to_string()))?,
+        ),
+    };
     drop(opening);
     become_real_time(&scenario)?;
     if !args.quiet {
@@ -109,7 +116,8 @@ fn run(args: Args) -> Result<(), (ExitCode, String)> {
         tracing::warn!("{overload}");
     }
     let patience = first + (args.controller_timeout_s * 1e9) as u64;
-    let turns = Turns {
+    let mut turns = Turns {
+        led,
         ports,
         truths,
         sampling_time: Span::from_seconds(scenario.timing.sampling_time_s).nanoseconds(),
@@ -184,6 +192,8 @@ fn become_real_time(scenario: &Scenario) -> Result<(), (ExitCode, String)> {
 
 /// What every cycle needs; the ports go last, since their node is the last to leave.
 struct Turns {
+    /// Where other programs lead the arm, if they may.
+    led: Option<Led>,
     truths: Publisher<TruthSample>,
     ports: Ports,
     /// T_s in ns.
@@ -194,15 +204,25 @@ struct Turns {
 
 impl Turns {
     /// One cycle, with its truth.
-    fn turn(&self, plant: &mut dyn AnyPlant) -> TruthSample {
+    fn turn(&mut self, plant: &mut dyn AnyPlant) -> TruthSample {
         let timing = cycle(&self.ports, plant, self.sampling_time, self.delay);
         let truth = plant.settle(timing);
         if let Ok(slot) = self.truths.loan_uninit() {
             // No subscriber is no failure.
             let _ = slot.write_payload(truth).send();
         }
+        if let Some(led) = &mut self.led {
+            plant.lead(&led.twist(monotonic_ns(), &plant.tool_axes(), say));
+        }
         plant.integrate();
         truth
+    }
+}
+
+/// At powers of two: a line for each would block the loop.
+fn say(refusal: &LeadRefusal, count: u64) {
+    if count.is_power_of_two() {
+        tracing::warn!("a twist that is not followed: {refusal} ({count} so far)");
     }
 }
 

@@ -39,17 +39,41 @@ pub fn installed() -> &'static Path {
     })
 }
 
+/// Which of the client's libraries a program is linked with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Library {
+    /// `libadmittance_client.so`.
+    Shared,
+    /// `libadmittance_client.a`, which the program then has in it.
+    Static,
+}
+
 /// Compiles an example of the C client, as `name`, by this compiler with these arguments, and links it with the shared
 /// library as pkg-config says.
 ///
 /// # Panics
 /// When it does not compile without a warning.
 pub fn compile(compiler: &str, arguments: &[&str], example: &str, name: &str) -> PathBuf {
+    link(Library::Shared, compiler, arguments, example, name)
+}
+
+/// As [`compile`], with either library.
+///
+/// # Panics
+/// When it does not compile without a warning.
+pub fn link(library: Library, compiler: &str, arguments: &[&str], example: &str, name: &str) -> PathBuf {
     let (prefix, plant) = (installed(), &binaries().plant_library);
     let mut pkg_config = Command::new("pkg-config");
     pkg_config.args(["--cflags", "--libs", "admittance_client"]).env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig"));
-    let (code, flags) = output(&mut pkg_config);
+    if library == Library::Static {
+        pkg_config.arg("--static");
+    }
+    let (code, mut flags) = output(&mut pkg_config);
     assert_eq!(code, Some(0), "{flags}");
+    if library == Library::Static {
+        // Both are in one directory, where the linker prefers the shared one.
+        flags = flags.replace("-ladmittance_client", "-l:libadmittance_client.a");
+    }
     let program = prefix.join(name);
     let mut command = Command::new(compiler);
     command.args(STRICT).args(arguments).arg("-I").arg(Path::new(ROOT).join("tests/plant"));
@@ -70,6 +94,11 @@ pub fn compile(compiler: &str, arguments: &[&str], example: &str, name: &str) ->
 pub fn controller_command(ipc: &PrivateIpc, scenario: &Path, relay: &TruthRelay) -> Command {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     let program = PROGRAM.get_or_init(|| compile("gcc", &["-std=c11", "-O2"], "controller.c", "controller"));
+    command_of(program, ipc, scenario, relay)
+}
+
+/// As [`controller_command`], of the example as it was compiled before.
+pub fn command_of(program: &Path, ipc: &PrivateIpc, scenario: &Path, relay: &TruthRelay) -> Command {
     let settings = ipc.settings();
     let mut command = Command::new(program);
     command.arg(&settings.root_path).args([&settings.prefix, settings.instance.as_str()]).arg(scenario);

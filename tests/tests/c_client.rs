@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use end_to_end::c_controller::{TruthRelay, compile, controller_command, installed};
+use end_to_end::c_controller::{Library, TruthRelay, command_of, compile, controller_command, installed, link};
 use end_to_end::session::{MPC_PAPER, PAPER_SCENARIO, PATIENT, output, start_daemon, wait_for_log, with_keys, write};
 use end_to_end::{Child, Need, PATIENCE, PrivateIpc, needs, undisturbed};
 use ipc_types::services::{self, Access};
@@ -53,12 +53,17 @@ fn the_shared_library_shows_what_the_header_declares_each_with_its_version() {
 }
 
 /// The controller's truth of one motion, while `each` may do something.
-fn drive(ipc: &PrivateIpc, scenario: &Path, mut each: impl FnMut(&TruthSample)) -> (Vec<TruthSample>, String) {
+fn drive(ipc: &PrivateIpc, scenario: &Path, each: impl FnMut(&TruthSample)) -> (Vec<TruthSample>, String) {
     let relay = TruthRelay::new(ipc);
+    watch(ipc, controller_command(ipc, scenario, &relay), each)
+}
+
+/// The truth of this controller's motion.
+fn watch(ipc: &PrivateIpc, mut controller: Command, mut each: impl FnMut(&TruthSample)) -> (Vec<TruthSample>, String) {
     let node = ipc.settings().node("test").expect("a node");
     let truths = services::truth(&node, &ipc.settings().instance, Access::OpenOrCreate).expect("a service");
     let truths = truths.subscriber().expect("a subscriber");
-    let mut controller = Child::spawn(&mut controller_command(ipc, scenario, &relay));
+    let mut controller = Child::spawn(&mut controller);
     let mut series = Vec::new();
     let patience = Instant::now() + PATIENCE;
     loop {
@@ -79,14 +84,29 @@ fn drive(ipc: &PrivateIpc, scenario: &Path, mut each: impl FnMut(&TruthSample)) 
 
 #[test]
 fn a_controller_in_c_touches_and_slides_within_the_limit() {
+    touches_and_slides(Library::Shared);
+}
+
+/// The library is in the program then, and pkg-config knows what it wants besides.
+#[test]
+fn a_controller_with_the_static_library_does_so_as_well() {
+    touches_and_slides(Library::Static);
+}
+
+fn touches_and_slides(library: Library) {
     undisturbed(|| {
         if !needs(Need::CToolchain) {
             return;
         }
+        let program = link(library, "gcc", &["-std=c11", "-O2"], "controller.c", &format!("controller-{library:?}"));
+        let (code, wanted) = output(Command::new("readelf").arg("--dynamic").arg(&program));
+        assert_eq!(code, Some(0), "{wanted}");
+        assert_eq!(wanted.contains("[libadmittance_client.so.1]"), library == Library::Shared, "{wanted}");
         let ipc = PrivateIpc::new("planar");
         let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &PATIENT)));
         let scenario = write(&ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &[DELAY]));
-        let (truths, said) = drive(&ipc, &scenario, |_| {});
+        let relay = TruthRelay::new(&ipc);
+        let (truths, said) = watch(&ipc, command_of(&program, &ipc, &scenario, &relay), |_| {});
         let peak = truths.iter().map(|truth| truth.peak_wrench[1].abs()).fold(0.0, f64::max);
         let last = truths.last().expect("a run");
         println!("peak |f_y| {peak:.1} N, {} cycles, {} missed", truths.len(), last.missed_commands);

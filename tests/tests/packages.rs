@@ -73,18 +73,31 @@ fn packages_come_replace_older_ones_and_go() {
     systemd.run("dpkg -i /srv/old/*.deb");
     systemd.run("cp /usr/share/admittanced/robots/planar.toml /etc/admittanced/cell-3.toml");
     assert!(systemd.run("admittancectl validate /etc/admittanced/cell-3.toml").contains("valid"));
-    assert_eq!(systemd.run("systemd-analyze verify admittanced@robot.service plant-sim@robot.service"), "");
+    let units = "admittanced@robot.service plant-sim@robot.service admittance-egm@robot.service";
+    assert_eq!(systemd.run(&format!("systemd-analyze verify {units}")), "");
+    for page in ["man8/admittanced.8", "man1/admittancectl-move.1", "man1/plant-sim.1", "man8/admittance-egm.8"] {
+        systemd.run(&format!("test -s /usr/share/man/{page}.gz"));
+    }
     assert_eq!(
-        systemd.run("grep -rl /usr/local /usr/lib/systemd/system/admittanced@* /usr/share/admittanced || true"),
+        systemd.run("grep -rl /usr/local /usr/lib/systemd/system/admittance* /usr/share/admittanced || true"),
         ""
     );
     systemd.run("systemctl enable --now admittanced@cell-3");
     let daemon = systemd.property("admittanced@cell-3", "MainPID");
+    // A robot by EGM beside it, with the files that the package brings.
+    systemd.run(
+        "cp /usr/share/admittanced/egm/six-joint.toml /etc/admittanced/abb.toml && \
+         sed 's/192.168.125.1/127.0.0.1/' /usr/share/admittanced/egm/six-joint.egm.toml > /etc/admittanced/abb.egm.toml",
+    );
+    systemd.run("systemctl enable --now admittanced@abb admittance-egm@abb");
+    let edge = systemd.property("admittance-egm@abb", "MainPID");
 
     // The daemon holds an arm: it goes on, and whoever answers for the arm restarts it.
     systemd.run("dpkg -i /srv/new/*.deb");
     assert_eq!(systemd.property("admittanced@cell-3", "ActiveState"), "active");
     assert_eq!(systemd.property("admittanced@cell-3", "MainPID"), daemon, "it was restarted");
+    assert_eq!(systemd.property("admittance-egm@abb", "ActiveState"), "active");
+    assert_eq!(systemd.property("admittance-egm@abb", "MainPID"), edge, "it was restarted");
     let version = systemd.run("dpkg-query --show --showformat='${Version}' admittanced");
     assert_eq!(version, env!("CARGO_PKG_VERSION"));
     systemd.run("systemctl restart admittanced@cell-3");
@@ -94,11 +107,15 @@ fn packages_come_replace_older_ones_and_go() {
     );
 
     systemd.run("dpkg --remove admittanced libadmittance-client-dev libadmittance-client1");
-    assert_eq!(systemd.run("grep -lsx admittanced /proc/[0-9]*/comm || true"), "", "still running");
-    assert_eq!(systemd.try_run("systemctl cat admittanced@cell-3").0, Some(1));
+    assert_eq!(systemd.run("grep -lsxE 'admittanced|admittance-egm' /proc/[0-9]*/comm || true"), "", "still running");
+    for unit in ["admittanced@cell-3", "admittanced@abb", "admittance-egm@abb"] {
+        assert_eq!(systemd.try_run(&format!("systemctl cat {unit}")).0, Some(1), "{unit}");
+    }
+    assert_eq!(systemd.run("systemctl list-units --all --plain --no-legend 'admittance*'"), "");
     let (paths, users) = system(&systemd);
     let left: Vec<&String> = paths.difference(&before.0).collect();
-    assert_eq!(left, ["/etc/admittanced", "/etc/admittanced/cell-3.toml", "/var/lib/admittanced"]);
+    let kept = ["", "/abb.egm.toml", "/abb.toml", "/cell-3.toml"].map(|file| format!("/etc/admittanced{file}"));
+    assert_eq!(left, kept.iter().chain([&"/var/lib/admittanced".to_owned()]).collect::<Vec<_>>());
     assert!(users.contains("admittanced"), "{users}");
 
     systemd.run("dpkg --purge admittanced");

@@ -164,3 +164,58 @@ print(len(runs[0].wrench), "samples, peak", max(expected["peak"]), "N")
     let program = binaries().admittancectl.to_string_lossy();
     println!("{}", run(&ipc, script, &[&config, &scenario, &program, &expected]));
 }
+
+#[test]
+fn what_an_operator_asks_from_python_is_answered_or_refused_with_the_reason() {
+    if !needs(Need::Python) || !needs(Need::CToolchain) {
+        return;
+    }
+    let ipc = PrivateIpc::new("planar");
+    let settings = ipc.settings();
+    // Both ends are found by the file alone, as on a machine with one robot.
+    let root_path = format!("{:?}", settings.root_path.to_string_lossy());
+    let [prefix, instance] = [settings.prefix.as_str(), settings.instance.as_str()].map(|name| format!("{name:?}"));
+    let place =
+        [("ipc.root_path", root_path.as_str()), ("ipc.prefix", prefix.as_str()), ("ipc.instance", instance.as_str())];
+    let config = write(&ipc, "daemon.toml", &with_keys(MPC_PAPER, &[&PATIENT[..], &place].concat()));
+    let mut daemon = start_daemon(&ipc, &config);
+    let script = r#"
+import sys
+import admittance
+
+config, program = sys.argv[1:]
+found = admittance.status(config=config, program=program)
+assert found["mode"] == "Idle" and found["version"] >= 1, found
+said = admittance.request("disable", config=config, program=program)
+assert "disabled" in said.lower(), said
+assert "disabled" in admittance.request("status", config=config, program=program).lower()
+admittance.request("enable", config=config, program=program)
+for kind, arguments, code, words in (
+    ("reset", (), 1, "Stopped"),
+    ("set-force-limit", ("x=fast",), 64, "fast"),
+    ("no-such-request", (), 64, "no-such-request"),
+):
+    try:
+        raise SystemExit(f"{kind} was answered: {admittance.request(kind, *arguments, config=config, program=program)}")
+    except admittance.RequestFailed as failure:
+        assert failure.code == code and words in str(failure), (kind, failure.code, str(failure))
+print(said)
+"#;
+    let program = binaries().admittancectl.to_string_lossy();
+    let config = config.to_string_lossy();
+    println!("{}", run(&ipc, script, &[&config, &program]));
+    daemon.signal(libc::SIGKILL);
+    daemon.wait_for_exit(PATIENCE);
+    let script = r#"
+import sys
+import admittance
+
+config, program = sys.argv[1:]
+try:
+    raise SystemExit(f"nobody said {admittance.status(config=config, program=program)}")
+except admittance.RequestFailed as failure:
+    assert failure.code == 69, (failure.code, str(failure))
+    print(failure)
+"#;
+    println!("{}", run(&ipc, script, &[&config, &program]));
+}

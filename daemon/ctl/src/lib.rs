@@ -17,6 +17,7 @@ mod doctor;
 mod identify;
 mod import;
 mod installed_files;
+mod lead;
 mod limits;
 pub mod offline;
 pub mod parallel;
@@ -92,6 +93,8 @@ enum Command {
     Disable(request::DisableArgs),
     /// Take the present wrench, the tool's weight apart, as the sensor's bias.
     Tare(request::TareArgs),
+    /// Lead the arm with a velocity for a time, or until it touches.
+    Move(lead::Args),
     /// Change the force limit of some axes while the daemon runs.
     SetForceLimit(request::SetForceLimitArgs),
     /// Change stiffness, normal or contact point of the surface while the daemon runs.
@@ -161,6 +164,7 @@ fn run(command: Command) -> Outcome<Exit> {
         Command::Enable(args) => request::enable(&args),
         Command::Disable(args) => request::disable(&args),
         Command::Tare(args) => request::tare(&args),
+        Command::Move(args) => lead::run(&args),
         Command::SetForceLimit(args) => request::set_force_limit(&args),
         Command::SetEnvironment(args) => request::set_environment(&args),
         Command::SetLaw(args) => request::set_law(&args),

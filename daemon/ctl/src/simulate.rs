@@ -74,6 +74,11 @@ fn fits(config: &Config, scenario: &Scenario) -> Result<(), String> {
             fault.kind.name()
         ));
     }
+    if scenario.twist.is_some() {
+        return Err(
+            "twist: accepted: none, since nobody leads in virtual time: run admittanced and plant-sim".to_owned()
+        );
+    }
     for overload in VirtualRun::new(scenario).map_err(|error| error.to_string())?.overloads() {
         eprintln!("warning: {overload}");
     }

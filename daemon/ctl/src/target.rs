@@ -39,6 +39,17 @@ impl Target {
         }
     }
 
+    /// The daemon's configuration.
+    ///
+    /// # Errors
+    /// That there is none, or none that is usable.
+    pub fn configuration(&self) -> Result<Config, (Exit, String)> {
+        config::load(&self.config_path()?).map_err(|error| match error {
+            LoadError::Read { .. } => (Exit::NoInput, error.to_string()),
+            LoadError::Config(_) => (Exit::Config, error.to_string()),
+        })
+    }
+
     /// A node where the daemon is, the place, and a limit for the time that opening its services
     /// may take: drop it when they are open.
     ///
@@ -46,10 +57,7 @@ impl Target {
     /// Why there is none: no configuration, or not a usable one; no shared memory.
     pub fn connect(&self) -> Result<(Node, IpcSettings, TimeLimit), (Exit, String)> {
         ipc_types::quiet_iceoryx2();
-        let config: Config = config::load(&self.config_path()?).map_err(|error| match error {
-            LoadError::Read { .. } => (Exit::NoInput, error.to_string()),
-            LoadError::Config(_) => (Exit::Config, error.to_string()),
-        })?;
+        let config = self.configuration()?;
         let settings = config
             .ipc
             .settings(self.instance.as_deref(), self.root_path.clone(), self.prefix.clone())

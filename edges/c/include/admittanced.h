@@ -36,6 +36,7 @@
 #define ADMITTANCED_SERVICE_TRUTH "admittanced/%s/truth" /* One truth sample per cycle of plant-sim; readers may fall behind by the buffer size without loss. */
 #define ADMITTANCED_SERVICE_RECORD "admittanced/%s/record" /* One record per cycle and per order of admittanced; readers may fall behind by the buffer size, and see a gap in the records' sequence after that. */
 #define ADMITTANCED_SERVICE_DIAGNOSTICS "admittanced/%s/diagnostics" /* State, counters and latencies of admittanced, a few times a second. */
+#define ADMITTANCED_SERVICE_TWIST "admittanced/%s/twist" /* Where a program leads the TCP, for a motion controller that takes its commanded motion from here; one program at a time. */
 #define ADMITTANCED_SERVICE_REQUEST "admittanced/%s/request" /* What an operator asks of the daemon, see RequestKind; one response per request. A client gives up by its own clock: a stopped server answers nothing. */
 
 /* Motion What the motion controller does with a command. */
@@ -142,6 +143,10 @@
 #define ADMITTANCED_TASK_AXIS_RX 3u /* About x of the task frame: radians, newton metres. */
 #define ADMITTANCED_TASK_AXIS_RY 4u /* About y of the task frame: radians, newton metres. */
 #define ADMITTANCED_TASK_AXIS_RZ 5u /* About z of the task frame: radians, newton metres. */
+
+/* TwistFrame The axes in which a twist is given. It is of the TCP in either. */
+#define ADMITTANCED_TWIST_FRAME_BASE 0u /* Axes of the robot's base frame. */
+#define ADMITTANCED_TWIST_FRAME_TOOL 1u /* Axes of the tool's frame as it is measured to stand. */
 
 /* The measured state of the robot and the references that the motion controller follows: one per cycle. Written by the motion controller (plant-sim in a simulation). */
 #define ADMITTANCED_STATE_SAMPLE_TYPE_NAME "admittanced.StateSample.v2"
@@ -758,5 +763,33 @@ ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, missed_lately) == 56
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, believed_stiffness_n_m) == 568, "admittanced_diagnostics_sample.believed_stiffness_n_m");
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, believed_stiffness_band_n_m) == 576, "admittanced_diagnostics_sample.believed_stiffness_band_n_m");
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, believed_tilt_rad) == 592, "admittanced_diagnostics_sample.believed_tilt_rad");
+
+/* Where a program leads the TCP, for a motion controller that takes its commanded motion from here. It counts for valid_for_ns and no longer; then the controller comes to rest. Written by a program that leads, such as admittancectl move. */
+#define ADMITTANCED_TWIST_SAMPLE_TYPE_NAME "admittanced.TwistSample.v1"
+typedef struct admittanced_twist_sample {
+    /* Number of this sample; restarts at 1 with a new boot_id. Unit: 1. Range: >= 1, one more with every sample. */
+    uint64_t sequence;
+    /* When it was published. Unit: ns. Range: CLOCK_MONOTONIC, increasing. */
+    uint64_t stamp_ns;
+    /* Chosen anew at each start of the program that leads. Unit: 1. Range: not 0. */
+    uint64_t boot_id;
+    /* How long after stamp_ns it counts; the twist is zero from then on. Publish the next one before. Unit: ns. Range: >= 1, at most what the motion controller allows. */
+    uint64_t valid_for_ns;
+    /* The axes of twist. Unit: 1. Range: a code of TwistFrame. */
+    uint32_t frame;
+    /* Not used: zero. Unit: 1. Range: 0. */
+    uint32_t reserved;
+    /* Velocity of the TCP without any offset: linear x y z, then angular rx ry rz. The motion controller brings it down to its own limits. Unit: m/s, rad/s. Range: finite; 0 on axes that the arm does not control. */
+    double twist[6];
+} admittanced_twist_sample;
+ADMITTANCED_ASSERT(sizeof(admittanced_twist_sample) == 88, "admittanced_twist_sample");
+ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_twist_sample) == 8, "admittanced_twist_sample");
+ADMITTANCED_ASSERT(offsetof(admittanced_twist_sample, sequence) == 0, "admittanced_twist_sample.sequence");
+ADMITTANCED_ASSERT(offsetof(admittanced_twist_sample, stamp_ns) == 8, "admittanced_twist_sample.stamp_ns");
+ADMITTANCED_ASSERT(offsetof(admittanced_twist_sample, boot_id) == 16, "admittanced_twist_sample.boot_id");
+ADMITTANCED_ASSERT(offsetof(admittanced_twist_sample, valid_for_ns) == 24, "admittanced_twist_sample.valid_for_ns");
+ADMITTANCED_ASSERT(offsetof(admittanced_twist_sample, frame) == 32, "admittanced_twist_sample.frame");
+ADMITTANCED_ASSERT(offsetof(admittanced_twist_sample, reserved) == 36, "admittanced_twist_sample.reserved");
+ADMITTANCED_ASSERT(offsetof(admittanced_twist_sample, twist) == 40, "admittanced_twist_sample.twist");
 
 #endif

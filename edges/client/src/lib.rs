@@ -22,6 +22,8 @@
 //! ```
 
 mod controller;
+mod lead;
+mod led;
 mod limits;
 mod playback;
 mod ports;
@@ -30,6 +32,8 @@ mod stream;
 
 pub use admittance_drive_limits::DriveLimits;
 pub use controller::{Arm, Controller, ControllerError};
+pub use lead::{Lead, LeadLimits, LeadRefusal, Rotation};
+pub use led::Led;
 pub use limits::{LimitError, Limits};
 pub use playback::{Applied, Playback, Reception};
 pub use ports::{OpenError, Ports, Slot};

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use admittance_client::Rotation;
 use admittance_egm::arm::AnyArm;
 use ipc_types::{MAX_JOINTS, TASK_AXES};
 
@@ -22,6 +23,10 @@ impl Failing {
 }
 
 impl AnyArm for Failing {
+    fn tool(&self, position: &[f64; MAX_JOINTS]) -> Rotation {
+        self.arm.tool(position)
+    }
+
     fn twist(&self, position: &[f64; MAX_JOINTS], velocity: &[f64; MAX_JOINTS]) -> [f64; TASK_AXES] {
         self.fail_if_told();
         self.arm.twist(position, velocity)

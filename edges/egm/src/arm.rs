@@ -1,5 +1,6 @@
 //! The arm's kinematics between joints, which the robot speaks of, and the TCP, which the daemon speaks of.
 
+use admittance_client::Rotation;
 use admittance_core::robot::Chain;
 use admittance_core::with_arm;
 use admittance_host::robot_description::RobotDescription;
@@ -10,6 +11,9 @@ use nalgebra::SVector;
 pub trait AnyArm {
     /// The TCP's velocity in m/s and rad/s, base frame, at joint positions and speeds in rad or m.
     fn twist(&self, position: &[f64; MAX_JOINTS], velocity: &[f64; MAX_JOINTS]) -> [f64; TASK_AXES];
+
+    /// Axes of the tool's frame in the base frame, as columns, at joint positions in rad or m.
+    fn tool(&self, position: &[f64; MAX_JOINTS]) -> Rotation;
 
     /// Joint speeds in rad/s or m/s that move the TCP so; `None` near a pose where there are none.
     fn joint_velocity(&self, position: &[f64; MAX_JOINTS], twist: &[f64; TASK_AXES]) -> Option<[f64; MAX_JOINTS]>;
@@ -24,6 +28,11 @@ impl<const N: usize, const D: usize> AnyArm for Arm<N, D> {
     fn twist(&self, position: &[f64; MAX_JOINTS], velocity: &[f64; MAX_JOINTS]) -> [f64; TASK_AXES] {
         let (position, velocity) = (of_joints::<N>(position), of_joints::<N>(velocity));
         padded((self.chain.kinematics(&position).task_jacobian::<D>() * velocity).as_slice())
+    }
+
+    fn tool(&self, position: &[f64; MAX_JOINTS]) -> Rotation {
+        let rotation = self.chain.kinematics(&of_joints::<N>(position)).pose.rotation;
+        std::array::from_fn(|column| std::array::from_fn(|row| rotation[(row, column)]))
     }
 
     fn joint_velocity(&self, position: &[f64; MAX_JOINTS], twist: &[f64; TASK_AXES]) -> Option<[f64; MAX_JOINTS]> {

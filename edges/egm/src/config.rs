@@ -4,6 +4,7 @@ use std::net::{IpAddr, SocketAddr};
 
 use admittance_host::config::ConfigError;
 use admittance_host::realtime::RealtimeSection;
+use admittance_host::twist_section::TwistSection;
 use admittance_host::{config_file, config_section};
 use admittance_runner::config::{Config, WrenchSourceName};
 use egm_messages::JointUnit;
@@ -33,6 +34,8 @@ config_section! {
     pub struct EdgeConfig {
         /// The robot on the other end.
         egm: EgmSection;
+        /// Other programs lead the arm; when absent the robot's own program does, by planned.joints.
+        twist: Option<TwistSection>;
         /// How the thread runs that answers the robot.
         realtime: RealtimeSection;
     }

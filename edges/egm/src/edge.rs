@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use admittance_client::{Applied, Arm, Controller, ControllerError};
+use admittance_client::{Applied, Arm, Controller, ControllerError, LeadLimits, OpenError};
 use admittance_host::clock::{monotonic_ns, sleep_until_ns};
 use egm_messages::{EgmRobot, Message};
 use ipc_types::{IpcSettings, MAX_JOINTS, StateSample};
@@ -13,6 +13,7 @@ use ipc_types::{IpcSettings, MAX_JOINTS, StateSample};
 use crate::fade;
 use crate::guide::{Bearing, Guide};
 use crate::lead::Lead;
+use crate::leader::Leader;
 use crate::link::{Link, Received};
 use crate::notify::Notify;
 use crate::reading::{BadMessage, Reading};
@@ -44,6 +45,8 @@ pub(crate) struct Setup {
     pub(crate) speed_limit: [f64; MAX_JOINTS],
     /// From `torqueRef` to N m on the joints' side; `None` where it is not looked at.
     pub(crate) torque_factor: Option<[f64; MAX_JOINTS]>,
+    /// What other programs may ask for, where they lead the arm.
+    pub(crate) lead: Option<LeadLimits>,
 }
 
 /// Why the loop cannot go on.
@@ -51,6 +54,8 @@ pub(crate) struct Setup {
 pub(crate) enum EdgeError {
     #[error(transparent)]
     Controller(#[from] ControllerError),
+    #[error(transparent)]
+    Open(#[from] OpenError),
     #[error("the UDP socket: {0}")]
     Socket(#[from] io::Error),
 }
@@ -79,6 +84,8 @@ struct Counts {
 pub(crate) struct Edge {
     setup: Setup,
     guide: Guide,
+    /// `None`: the robot's own program leads.
+    leader: Option<Leader>,
     controller: Controller,
     link: Link,
     stop: Arc<AtomicBool>,
@@ -105,7 +112,20 @@ impl Edge {
     pub(crate) fn new(setup: Setup, guide: Guide, link: Link, stop: Arc<AtomicBool>) -> Result<Self, EdgeError> {
         let controller = Controller::open(&setup.settings, "admittance-egm", &setup.arm, boot_id())?;
         let counts = Counts::default();
-        Ok(Self { setup, guide, controller, link, stop, peer: None, sequence: 0, played_ns: 0, due_ns: 0, counts })
+        let leader = setup.lead.map(|limits| Leader::open(&setup.settings, limits)).transpose()?;
+        Ok(Self {
+            setup,
+            guide,
+            leader,
+            controller,
+            link,
+            stop,
+            peer: None,
+            sequence: 0,
+            played_ns: 0,
+            due_ns: 0,
+            counts,
+        })
     }
 
     /// Runs until a signal.
@@ -215,6 +235,9 @@ impl Edge {
     fn begin_session(&mut self, address: SocketAddr, arrival_ns: u64) {
         // Samples of another session are of another boot: nothing of what was before goes on.
         self.controller.restart(boot_id());
+        if let Some(leader) = &mut self.leader {
+            leader.rest(arrival_ns);
+        }
         let session = Session::new(self.setup.arm.sampling_time_ns, self.setup.speed_limit);
         tracing::info!("a session of the robot begins: {address}");
         self.peer = Some(Peer { address, session, bearing: None, heard_ns: arrival_ns });
@@ -222,7 +245,10 @@ impl Edge {
 
     /// One sample, and its answer.
     fn cycle(&mut self, measured: &Measured, arrival_ns: u64) {
-        let lead = Lead::of_planned_path(self.guide.arm(), measured);
+        let lead = match &mut self.leader {
+            Some(leader) => leader.lead(self.guide.arm(), &measured.reading, measured.stamp_ns, arrival_ns),
+            None => Lead::of_planned_path(self.guide.arm(), measured),
+        };
         // A cycle whose message was lost has a number of its own: the daemon is to see that it is missing, and not another rate.
         for before in (1..=measured.missed).rev() {
             let _ = self.controller.begin(measured.stamp_ns.saturating_sub(before * self.setup.arm.sampling_time_ns));
@@ -264,6 +290,7 @@ impl Edge {
 
     /// An answer to a message that is no sample: the plan goes on.
     fn bridge(&mut self, arrival_ns: u64) {
+        self.go_on(arrival_ns);
         self.play(self.played_ns + self.setup.arm.sampling_time_ns, arrival_ns);
     }
 
@@ -277,10 +304,19 @@ impl Edge {
                 self.peer = None;
             }
             Some(_) => {
+                self.go_on(now_ns);
                 self.play(self.played_ns + self.setup.arm.sampling_time_ns, now_ns);
                 // From here on once a cycle, not a half later each time.
                 self.due_ns = now_ns + self.setup.arm.sampling_time_ns;
             }
+        }
+    }
+
+    /// Who leads goes on doing so, or no longer does, though there is no sample.
+    fn go_on(&mut self, now_ns: u64) {
+        let bearing = self.peer.as_mut().and_then(|peer| peer.bearing.as_mut());
+        if let Some((leader, bearing)) = self.leader.as_mut().zip(bearing) {
+            leader.go_on(self.guide.arm(), bearing, now_ns);
         }
     }
 
@@ -290,6 +326,9 @@ impl Edge {
         let cycle_ns = self.setup.arm.sampling_time_ns;
         self.due_ns = arrival_ns + cycle_ns + cycle_ns / 2;
         let (applied, part) = self.applied(self.played_ns);
+        if let (Applied::Hold, Some(leader)) = (&applied, &mut self.leader) {
+            leader.hold();
+        }
         let Some(peer) = &self.peer else { return };
         let address = peer.address;
         let (speeds, external_axes) = match &peer.bearing {

@@ -102,11 +102,16 @@ impl Guide {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use admittance_client::Rotation;
 
     /// Two joints that are the two axes.
     struct Table;
 
     impl AnyArm for Table {
+        fn tool(&self, _: &[f64; MAX_JOINTS]) -> Rotation {
+            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+        }
+
         fn twist(&self, _: &[f64; MAX_JOINTS], velocity: &[f64; MAX_JOINTS]) -> [f64; TASK_AXES] {
             std::array::from_fn(|axis| velocity[axis])
         }

@@ -12,6 +12,7 @@ mod edge;
 pub mod fade;
 pub mod guide;
 pub mod lead;
+mod leader;
 mod link;
 mod notify;
 pub mod reading;

@@ -13,6 +13,7 @@ use admittance_host::exit::ExitCode;
 use admittance_host::output::{fatal, say_line, until_unread};
 use admittance_host::realtime::{StepOutcome, go_real_time};
 use admittance_host::time_limit::TimeLimit;
+use admittance_host::twist_section::TwistSection;
 use admittance_host::{cpu, logging};
 use admittance_runner::config::Config;
 use ipc_types::resources::Needed;
@@ -127,7 +128,8 @@ fn run(args: Args, exchange: Exchange<'_>) -> Result<(), Failure> {
             tracing::warn!("real time: {}: refused: {why}", report.step);
         }
     }
-    tracing::info!("admittance-egm {} awaits {robot} on {address}", env!("CARGO_PKG_VERSION"));
+    let led = if config.twist.is_some() { ", and is led by other programs" } else { "" };
+    tracing::info!("admittance-egm {} awaits {robot} on {address}{led}", env!("CARGO_PKG_VERSION"));
     let mut notify = Notify::ready();
     // Whatever ends the loop, a panic as well, the robot is led to a standstill: else it keeps its last speed. What has failed
     // in the loop may fail once more while the plan is played out: then the zeros come at once.
@@ -163,8 +165,9 @@ fn plan(args: Args, exchange: Exchange<'_>) -> Result<Plan, Failure> {
     let (Ok(listen), Ok(robot)) = (edge.egm.listen.parse(), edge.egm.robot_address.parse()) else {
         return Err(wrong("egm.listen, egm.robot_address: no addresses".to_owned()));
     };
-    let setup =
-        Setup { settings, arm: of(&daemon, &speed_limit), answer_ns: answer_ns(&daemon), speed_limit, torque_factor };
+    let lead = edge.twist.as_ref().map(TwistSection::limits);
+    let (arm_options, answer_ns) = (of(&daemon, &speed_limit), answer_ns(&daemon));
+    let setup = Setup { settings, arm: arm_options, answer_ns, speed_limit, torque_factor, lead };
     Ok(Plan { edge, listen, robot, setup, guide: Guide::new(exchange(arm), units, speed_limit) })
 }
 
@@ -204,6 +207,7 @@ fn of(daemon: &Config, speed_limit: &[f64; MAX_JOINTS]) -> Arm {
 fn failure(error: EdgeError) -> Failure {
     let code = match &error {
         EdgeError::Controller(ControllerError::Open(open)) => ExitCode::of_refusal(open.is_permission()),
+        EdgeError::Open(open) => ExitCode::of_refusal(open.is_permission()),
         EdgeError::Controller(_) => ExitCode::Config,
         EdgeError::Socket(_) => ExitCode::Unavailable,
     };

@@ -14,6 +14,7 @@ mod record;
 mod request;
 mod state;
 mod truth;
+mod twist;
 
 pub use command::CommandSample;
 pub use diagnostics::DiagnosticsSample;
@@ -21,6 +22,7 @@ pub use record::RecordSample;
 pub use request::{RequestSample, ResponseSample};
 pub use state::StateSample;
 pub use truth::TruthSample;
+pub use twist::TwistSample;
 
 use crate::layout::{SampleInfo, WireSample};
 
@@ -33,6 +35,7 @@ pub const SAMPLES: &[SampleInfo] = &[
     ResponseSample::INFO,
     RecordSample::INFO,
     DiagnosticsSample::INFO,
+    TwistSample::INFO,
 ];
 
 /// Angle in rad between two vectors; 0 where that is rounding alone, or one of them is zero.

@@ -1,7 +1,7 @@
 //! A plant that a motion controller of another program leads: commands, and when they act, are its business.
 
-use admittance_client::Applied;
-use ipc_types::{MAX_JOINTS, TruthSample};
+use admittance_client::{Applied, Rotation};
+use ipc_types::{MAX_JOINTS, TASK_AXES, TruthSample};
 use nalgebra::SVector;
 
 use super::{CycleTiming, Plant};
@@ -21,6 +21,20 @@ pub struct Led {
 }
 
 impl<const N: usize, const D: usize> Plant<N, D> {
+    /// Another program leads the arm so from the next sample on: ṗ0 in m/s and rad/s, base frame. Before the motion begins
+    /// and after it the arm stands all the same.
+    pub fn lead(&mut self, twist: &[f64; TASK_AXES]) {
+        let next = SVector::from_fn(|axis, _| twist[axis]);
+        let now = self.lead.map_or_else(SVector::zeros, |[now, _]| now);
+        self.lead = Some([now, next]);
+    }
+
+    /// Axes of the tool's frame in the base frame, as columns.
+    pub fn tool_axes(&self) -> Rotation {
+        let rotation = self.kinematics.pose.rotation;
+        std::array::from_fn(|column| std::array::from_fn(|row| rotation[(row, column)]))
+    }
+
     /// When the cycle of the current sample ends, in ns.
     pub fn cycle_end_ns(&self) -> u64 {
         self.began_ns + self.cycle_ns()

@@ -91,10 +91,14 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         });
     }
 
-    /// ṗ0 of the motion or, once it has begun, of the retreat, m/s and rad/s.
+    /// ṗ0 of the motion or of whoever leads or, once it has begun, of the retreat, m/s and rad/s.
     pub(super) fn commanded_twist(&self) -> SVector<f64, D> {
         match (self.retreat, &self.parameters.surface) {
-            (None | Some(Retreat::Next), _) => self.parameters.motion.twist(self.index),
+            (None | Some(Retreat::Next), _) => match self.lead {
+                None => self.parameters.motion.twist(self.index),
+                Some([now, _]) if (0..self.parameters.motion.samples()).contains(&self.index) => now,
+                Some(_) => SVector::zeros(),
+            },
             (Some(Retreat::Commanded(_) | Retreat::Jogged(_)), Some(surface)) => {
                 let out = surface.normal_at(&self.kinematics.pose.position, self.time_s()) * SPEED_M_S;
                 SVector::from_fn(|axis, _| if axis < 3 { out[axis] } else { 0.0 })

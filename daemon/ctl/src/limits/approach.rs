@@ -156,6 +156,7 @@ impl Approach {
                 duration_s: contact_time_s + whole_cycles(AFTER_CONTACT_S),
                 twist: self.twist(config, speed_m_s),
             }],
+            twist: None,
             fault: Vec::new(),
             egm: None,
             realtime: config.realtime.clone(),
