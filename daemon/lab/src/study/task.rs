@@ -72,6 +72,23 @@ impl Task {
         (parts.iter().map(|part| part * part).sum::<f64>().sqrt(), parts.into_iter().fold(0.0, f64::max))
     }
 
+    /// The velocity that offsets have to take out of a motion for each m/s that it goes into the surface: along
+    /// what of the normal gives way, m/s in the base frame.
+    pub(crate) fn way_out(&self, arm: &Arm, q: &[f64], normal: [f64; 3]) -> [f64; 3] {
+        let linear = arm.task_axes().min(3);
+        if self.gives_way[..linear].iter().all(|gives| *gives) {
+            return normal;
+        }
+        let mut part = self.seen(arm, q, normal, normal);
+        part.iter_mut()
+            .enumerate()
+            .filter(|(axis, _)| !self.gives_way.get(*axis).is_some_and(|gives| *gives))
+            .for_each(|(_, part)| *part = 0.0);
+        let length = part.iter().map(|part| part * part).sum::<f64>();
+        let part = part.map(|part| part / length);
+        self.axes(arm, q, normal).map_or(part, |axes| (axes * Vector3::from(part)).into())
+    }
+
     /// Whether any joint velocity is one that offsets can ask for.
     pub(crate) fn is_free(&self, arm: &Arm) -> bool {
         self.controlled.len() == arm.joints() && self.controlled.iter().all(|axis| self.gives_way[*axis])
@@ -211,6 +228,15 @@ mod tests {
         assert!((limit(Frame::Base, [true; 3]) - 100.0 / 0.6).abs() < 1e-12);
         assert!((limit(Frame::Base, [false, true, true]) - 200.0 / 0.8).abs() < 1e-12);
         assert!((limit(Frame::Surface, [true; 3]) - 200.0).abs() < 1e-12);
+        // Sliding on: what is left of a motion along the normal is none of it.
+        for (frame, gives_way) in [
+            (Frame::Base, [true; 3]),
+            (Frame::Tool, [false, true, true]),
+            (Frame::Rpy([0.3, 0.1, 2.0]), [true, false, false]),
+        ] {
+            let out = task(frame, gives_way).way_out(&arm, &Q, NORMAL);
+            assert!((dot(out, NORMAL) - 1.0).abs() < 1e-12, "{frame:?}: {out:?}");
+        }
         let (length, largest) = task(Frame::Base, [true, true, false]).giving_part(&arm, &Q, NORMAL);
         assert!((length - 0.6).abs() < 1e-15 && (largest - 0.6).abs() < 1e-15);
     }

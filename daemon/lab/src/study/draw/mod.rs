@@ -125,10 +125,11 @@ impl Draw {
     fn is_reachable(&self, conditions: &Conditions, after_share: f64) -> bool {
         let (normal, twist) = (self.normal(), self.twist());
         let inward = -inward_m_s(&twist, normal);
+        let out = self.task.way_out(&self.arm, &self.contact_position, normal);
         let along: Vec<f64> = twist
             .iter()
             .enumerate()
-            .map(|(axis, speed)| normal.get(axis).map_or(*speed, |normal| speed - inward * normal))
+            .map(|(axis, speed)| out.get(axis).map_or(*speed, |out| speed - inward * out))
             .collect();
         let back: Vec<f64> = twist.iter().map(|speed| -speed).collect();
         self.arm.reciprocal_condition(&self.contact_position, &self.task.controlled) >= conditions.at_contact
