@@ -1,6 +1,6 @@
 //! How far the tool leaves a line on which it was sent, and how far it was told to.
 
-use end_to_end::closed_loop::Run;
+use end_to_end::closed_loop::{Instant, Run};
 use nalgebra::{Rotation3, Vector3};
 
 use super::turned_world::vector;
@@ -16,11 +16,11 @@ pub(super) fn off_the_line(run: &Run, direction: &Vector3<f64>) -> (f64, f64) {
     })
 }
 
-/// Largest velocity offset beside `direction`, m/s or rad/s.
-pub(super) fn sideways_offset(run: &Run, direction: &Vector3<f64>) -> f64 {
+/// Largest velocity offset beside the direction that gives way at each instant, m/s or rad/s.
+pub(super) fn sideways_offset(run: &Run, direction: impl Fn(&Instant) -> Vector3<f64>) -> f64 {
     let beside = run.instants.iter().map(|at| {
-        let offset = vector(&at.command.velocity_offset);
-        (offset - direction * offset.dot(direction)).norm().max(vector(&at.command.velocity_offset[3..]).norm())
+        let (offset, direction) = (vector(&at.command.velocity_offset), direction(at));
+        (offset - direction * offset.dot(&direction)).norm().max(vector(&at.command.velocity_offset[3..]).norm())
     });
     beside.fold(0.0, f64::max)
 }

@@ -57,7 +57,7 @@ fn only_the_direction_that_gives_way_leaves_its_path() {
         assert!(run.peak_normal() <= MOST, "{frame}: peak {} N", run.peak_normal());
         let gives_way = run.instants.iter().map(|at| vector(&at.command.velocity_offset).dot(&inward).abs());
         let gives_way = gives_way.fold(0.0, f64::max);
-        let sideways = sideways_offset(&run, &inward);
+        let sideways = sideways_offset(&run, |_| inward);
         let (way, turn) = off_the_line(&run, &inward);
         println!(
             "{frame}: peak {:.1} N, settled {:.2} N, gives way at {gives_way:.3} m/s, off the line by {way:.1e} m and \

@@ -20,7 +20,7 @@ const RESET_S: f64 = 0.95;
 /// Down until it stops, back, and down again slowly.
 fn there_and_back(gives_way: [bool; 6], speed: f64) -> Experiment {
     let along = |z: f64| [0.0, 0.0, z, 0.0, 0.0, 0.0];
-    let motion = [(0.5, along(-speed)), (0.5, along(0.04)), (0.6, along(-0.05))];
+    let motion = [(0.5, along(-speed)), (0.5, along(0.04)), (1.0, along(-0.05))];
     let motion: Vec<(f64, &[f64])> = motion.iter().map(|(duration, twist)| (*duration, &twist[..])).collect();
     let mut experiment = Experiment::new(CONFIG, SCENARIO, 0.001).with_motion(&motion);
     experiment.config.contact.admittance_axes = gives_way.to_vec();
