@@ -217,8 +217,11 @@ mod tests {
             some(&|draw| draw.task.frame == Frame::Surface) && some(&|draw| matches!(draw.task.frame, Frame::Rpy(_)))
         );
         assert!(some(&|draw| draw.task.is_free(&draw.arm)) && some(&|draw| draw.turn_rad_s != [0.0; 3]));
-        assert!(some(&|draw| draw.task.gives_way.iter().filter(|gives| **gives).count() == 1));
-        assert!(some(&|draw| draw.task.gives_way.iter().filter(|gives| **gives).count() == 6));
+        // One direction alone seldom has enough of the normal.
+        let giving = |count: usize| {
+            draws.iter().filter(|draw| draw.task.gives_way.iter().filter(|gives| **gives).count() == count).count()
+        };
+        assert!(giving(1) > 2 && (2..=6).all(|count| giving(count) > 4), "{:?}", [1, 2, 3, 4, 5, 6].map(giving));
         assert!(some(&|draw| draw.task.controlled.len() < draw.arm.joints()));
     }
 }
