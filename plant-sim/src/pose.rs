@@ -4,7 +4,7 @@
 use admittance_core::robot::{Chain, Pose};
 use admittance_core::with_arm;
 use admittance_host::robot_description::RobotDescription;
-use nalgebra::SVector;
+use nalgebra::{Matrix3, SVector};
 
 use crate::motion::MINIMUM_RECIPROCAL_CONDITION;
 use crate::setup::inverse_kinematics;
@@ -16,6 +16,8 @@ pub struct ArmPose {
     pub joint_position_rad: Vec<f64>,
     /// Position of the TCP in m, base frame.
     pub tcp_position_m: [f64; 3],
+    /// The TCP's axes in the base frame, as columns.
+    pub tcp_axes: Matrix3<f64>,
     /// Reciprocal condition number of the task Jacobian (Frobenius norm); 0 where the arm is
     /// singular.
     pub reciprocal_condition: f64,
@@ -93,6 +95,7 @@ fn find_arm<const N: usize, const D: usize>(
     Some(ArmPose {
         joint_position_rad: position.as_slice().to_vec(),
         tcp_position_m: kinematics.pose.position.into(),
+        tcp_axes: kinematics.pose.rotation,
         reciprocal_condition,
         inverse_jacobian,
         jacobian: jacobian.column_iter().map(|column| column.iter().copied().collect()).collect(),

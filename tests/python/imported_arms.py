@@ -5,7 +5,7 @@
 
 Needs the packages pin and example-robot-data. A pose is what the arm does between its base and its tip while every other
 joint is at zero: position and orientation of the tip, its Jacobian (linear rows first) and the torques that hold the arm,
-all in the base link's frame. SI units, rad; of joints that slide m and N.
+all in the base link's frame. Besides, what each joint may do at most. SI units, rad; of joints that slide m and N.
 """
 
 import importlib.metadata
@@ -51,10 +51,24 @@ def joints_between(model, base, tip):
     return sorted(joint for joint in above(tip) if joint not in fixed)
 
 
-def poses(source, model, base, tip, count):
+def arm_between(model, base, tip):
     joints = joints_between(model, base, tip)
     locked = [joint for joint in range(1, model.njoints) if joint not in joints]
-    model = pin.buildReducedModel(model, locked, pin.neutral(model))
+    return pin.buildReducedModel(model, locked, pin.neutral(model))
+
+
+def limits(model):
+    """Of each joint: lower and upper position (none of a joint that turns without end), speed, effort."""
+    for joint in model.joints[1:]:
+        ends = [limit[joint.idx_q] for limit in (model.lowerPositionLimit, model.upperPositionLimit)]
+        yield {
+            "position": [float(end) for end in ends] if joint.nq == 1 else None,
+            "speed": float(model.velocityLimit[joint.idx_v]),
+            "effort": float(model.effortLimit[joint.idx_v]),
+        }
+
+
+def poses(source, model, base, tip, count):
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     base_frame, tip_frame = (model.getFrameId(link, pin.FrameType.BODY) for link in (base, tip))
@@ -88,12 +102,14 @@ def main():
         data = model.createData()
         pin.framesForwardKinematics(model, data, pin.neutral(model))
         turn = data.oMf[model.getFrameId(base, pin.FrameType.BODY)].rotation.T
+        arm = arm_between(model, base, tip)
         arms.append({
             "urdf": str(urdf),
             "base": base,
             "tip": tip,
             "gravity": (turn @ gravity).tolist(),
-            "poses": list(poses(source, model, base, tip, count)),
+            "limits": list(limits(arm)),
+            "poses": list(poses(source, arm, base, tip, count)),
         })
     json.dump(arms, sys.stdout)
 

@@ -11,6 +11,7 @@ use std::time::Instant;
 
 use admittance_host::clock::monotonic_ns;
 use admittance_host::exit::ExitCode;
+use admittance_runner::config::FrameName;
 use admittance_runner::cycle;
 use admittanced::probe::{ObservedThread, Probe};
 use end_to_end::closed_loop::{Experiment, MPC_DEFAULT};
@@ -118,14 +119,15 @@ const NO_DEADLINE_S: f64 = 600.0;
 /// How far in the past the plant's time begins: it never catches up with the clock's.
 const HEAD_START_NS: u64 = 120_000_000_000;
 
-/// The real-time thread against the plant, over real ports, for this many cycles in contact; every
-/// `change` cycles a reader of commands joins, or leaves.
-fn fenced(is_spoilt: bool, contact_cycles: u64, change: u64) -> &'static Seen {
+/// The real-time thread against the plant, over real ports, for this many cycles in contact, in this task frame;
+/// every `change` cycles a reader of commands joins, or leaves.
+fn fenced(is_spoilt: bool, frame: FrameName, contact_cycles: u64, change: u64) -> &'static Seen {
     let ipc = PrivateIpc::new("planar");
     // It presses and slides, up and down: rows of the optimisation come and go.
     let phases: Vec<(f64, &[f64])> =
         (0..32).map(|phase| (0.5, if phase % 2 == 0 { &[0.05, -0.12][..] } else { &[-0.12, -0.05][..] })).collect();
     let mut experiment = Experiment::new(MPC_DEFAULT, PAPER_SCENARIO, 0.001).with_motion(&phases);
+    experiment.config.task.frame = frame;
     experiment.config.control.answer_budget_s = NO_DEADLINE_S;
     experiment.config.control.max_sample_age_s = NO_DEADLINE_S;
     let realtime = &mut experiment.config.realtime;
@@ -185,7 +187,7 @@ fn fenced(is_spoilt: bool, contact_cycles: u64, change: u64) -> &'static Seen {
 
 #[test]
 fn ten_thousand_contact_cycles_leave_the_heap_alone() {
-    let seen = fenced(false, 10_000, 1_500);
+    let seen = fenced(false, FrameName::Base, 10_000, 1_500);
     let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
     assert!(of(&seen.cycles) >= 10_000);
     assert_eq!((of(&seen.dirty), of(&seen.allocations)), (0, 0), "{seen:?}");
@@ -198,9 +200,18 @@ fn ten_thousand_contact_cycles_leave_the_heap_alone() {
     );
 }
 
+/// What the controller remembers is turned in each cycle.
+#[test]
+fn a_frame_that_turns_with_the_tool_leaves_the_heap_alone() {
+    let seen = fenced(false, FrameName::Tool, 3_000, 1_500);
+    let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+    assert!(of(&seen.cycles) >= 3_000);
+    assert_eq!((of(&seen.dirty), of(&seen.allocations)), (0, 0), "{seen:?}");
+}
+
 #[test]
 fn the_fence_sees_a_cycle_that_allocates() {
-    let seen = fenced(true, 100, u64::MAX);
+    let seen = fenced(true, FrameName::Base, 100, u64::MAX);
     assert!(seen.dirty.load(Ordering::Relaxed) >= 100, "{seen:?}");
 }
 

@@ -180,15 +180,40 @@ fn a_saturated_sensor_stops_the_arm_and_the_log_says_why() {
     });
 }
 
+/// The daemon's process in frames that are not the base frame: a heavy tool on a sensor, a touch, a slide and its end.
+#[test]
+fn a_daemon_in_another_task_frame_presses_and_slides() {
+    undisturbed(|| {
+        for frame in ["{ frame = \"tool\" }", "{ frame = \"rpy\", rpy_rad = [0.0, 0.0, 0.7] }"] {
+            let ([peak, settled], status) =
+                real_contact(&[("sensor", SENSOR)], &[("wrench", COMPENSATION), ("task", frame)]);
+            assert_eq!(status["stop_reason"], "None", "{frame}: {status}");
+            println!("{frame}: peak {peak:.1} N, settled {settled:.2} N");
+            assert!(peak < 290.0 && (4.0..60.0).contains(&settled), "{frame}: {peak} N, {settled} N");
+        }
+    });
+}
+
 #[test]
 fn taring_in_free_motion_brings_the_bias_to_nothing_but_noise() {
+    taring("base");
+}
+
+/// The bias is the sensor's, whatever frame the law works in.
+#[test]
+fn taring_in_a_frame_that_turns_with_the_tool_is_the_same() {
+    taring("tool");
+}
+
+fn taring(frame: &str) {
+    let frame = format!("{{ frame = \"{frame}\" }}");
     undisturbed(|| {
         let ipc = PrivateIpc::new("planar");
         // All but the last newtons of the bias are known.
         let known =
             COMPENSATION.replace("bias = [6.0, -9.0, 4.0, 0.5, -0.3, 0.2]", "bias = [5.0, -7.5, 4.0, 0.5, -0.3, 0.2]");
         let allowed = ("requests", "{ tare_bias_max = [10.0, 10.0, 10.0, 2.0, 2.0, 2.0] }");
-        let config = write(&ipc, "daemon.toml", &configuration(&[("wrench", &known), allowed]));
+        let config = write(&ipc, "daemon.toml", &configuration(&[("wrench", &known), allowed, ("task", &frame)]));
         let mut daemon = start_daemon(&ipc, &config);
         let motion = "[{ duration_s = 30.0, twist = [0.0, -0.001] }]";
         let changes =

@@ -92,6 +92,63 @@ fn files_that_cannot_be_read_and_no_urdfs_have_their_exit_codes() {
     assert_eq!(code, Some(64));
 }
 
+/// 200 MB of address space, of which the program itself takes a part, are enough for whatever a file holds:
+/// one line says why it is no arm.
+#[test]
+fn no_file_takes_much_memory() {
+    /// ulimit counts KiB.
+    const LIMIT_KIB: u64 = 200_000_000 / 1024;
+    const LARGEST: usize = 4 << 20;
+    let directory = tempfile::tempdir().expect("a directory");
+    let urdf = directory.path().join("arm.urdf");
+    let import = |base: &str, tip: &str| {
+        let limited = format!("ulimit -v {LIMIT_KIB} && exec \"$@\"");
+        let mut command = Command::new("sh");
+        command.args(["-c", &limited, "sh", env!("CARGO_BIN_EXE_admittancectl"), "import"]).arg(&urdf);
+        let output = command.args(["--base", base, "--tip", tip]).output().expect("it starts");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let links = |count: usize| (0..count).map(|link| format!("<link name=\"l{link}\"/>")).collect::<String>();
+    let joint = |joint: usize, parent: usize, kind: &str| {
+        let child = joint + 1;
+        format!(
+            "<joint name=\"j{joint}\" type=\"{kind}\"><parent link=\"l{parent}\"/><child link=\"l{child}\"/>\
+             <axis xyz=\"0 0 1\"/><limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"1\"/></joint>"
+        )
+    };
+    let chain = |kind: &str| (0..1999).map(|at| joint(at, at, kind)).collect::<String>();
+    let star = (0..1999).map(|at| joint(at, 0, "fixed")).collect::<String>();
+    let robot = |inside: &str| format!("<robot name=\"r\">{inside}</robot>");
+    let long = |piece: &str| piece.repeat((LARGEST - 100) / piece.len());
+    let cases = [
+        ("a chain that moves", robot(&(links(2000) + &chain("revolute")))),
+        ("a chain that is fixed", robot(&(links(2000) + &chain("fixed")))),
+        ("a star", robot(&(links(2000) + &star))),
+        ("elements", robot(&long("<a/>"))),
+        ("deep", robot(&(long("<a>")))),
+        ("deep and closed", robot(&("<a>".repeat(500_000) + &"</a>".repeat(500_000)))),
+        ("comments", robot(&long("<!---->"))),
+        ("tags without an end", long("<")),
+        ("text", robot(&long("x"))),
+        ("lines", robot(&long("\n"))),
+        ("attributes", robot(&format!("<link {}/>", long("a=\"\" ")))),
+        ("entities", format!("<!DOCTYPE r [{}]><robot/>", "<!ENTITY a \"&b;&b;&b;&b;\">".repeat(100_000))),
+        ("names", robot(&format!("<link name=\"{}\"/>", long("n")))),
+        ("references", robot(&long("&#x41;"))),
+        ("namespaces", robot(&long("<a xmlns:b=\"c\"/>"))),
+        ("no text", "\u{0}".repeat(LARGEST - 100)),
+    ];
+    for (what, text) in cases {
+        std::fs::write(&urdf, text).expect("written");
+        let (code, said) = import("l0", "l1999");
+        assert!(code == Some(65) && said.lines().count() == 1 && said.len() < 2000, "{what}: {code:?} {said:.300}");
+    }
+    std::fs::File::create(&urdf).and_then(|file| file.set_len(50 << 20)).expect("written");
+    assert_eq!(import("a", "b").0, Some(66), "50 MiB");
+    std::fs::write(&urdf, include_str!("../src/import/tests/arm.urdf")).expect("written");
+    assert_eq!(import("world", "tcp").0, Some(0), "an arm");
+}
+
 /// TOML is UTF-8: another path could not be found again.
 #[test]
 fn a_path_that_is_not_utf_8_is_refused() {

@@ -1,12 +1,12 @@
 //! Steps the law through the samples of a contact at 1 kHz, and nothing else: instructions.py counts
 //! its instructions.
 //!
-//! `cycles ARM known|range ROUNDS`: two, six or seven joints, or the name of another robot's file, and what
-//! the controller is told of the stiffness.
+//! `cycles ARM known|range ROUNDS`: two, six or seven joints, six of which all six directions give way or whose
+//! task frame is the tool's, or the name of another robot's file, and what the controller is told of the stiffness.
 
 use admittance_core::quantities::Instant;
 use admittance_host::config::parse;
-use admittance_runner::config::{Config, ContactPointName};
+use admittance_runner::config::{Config, ContactPointName, FrameName};
 use admittance_runner::cycle;
 use admittance_runner::virtual_time::VirtualTime;
 use ipc_types::{CommandSample, StateSample};
@@ -24,7 +24,8 @@ fn cell(joints: &str) -> Option<(&'static str, &'static str)> {
             include_str!("../../../deploy/demo/mpc-default.toml"),
             include_str!("../../../plant-sim/scenarios/paper.toml"),
         ),
-        "six" => (
+        // All six directions give way; the frame of the tool, which turns.
+        "six" | "six-all" | "six-tool" => (
             include_str!("../../../deploy/robots/six-joint.toml"),
             include_str!("../../../plant-sim/scenarios/six-joint.toml"),
         ),
@@ -57,14 +58,20 @@ fn cell(joints: &str) -> Option<(&'static str, &'static str)> {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [joints, told, rounds] = arguments.as_slice() else { return Err("three arguments: JOINTS TOLD ROUNDS".into()) };
-    let (config, scenario) =
-        cell(joints).ok_or("accepted: two, six, seven, scara, planar-three, gantry, rail, eight-joint")?;
+    let (config, scenario) = cell(joints)
+        .ok_or("accepted: two, six, six-all, six-tool, seven, scara, planar-three, gantry, rail, eight-joint")?;
     let mut config: Config = parse(config, "controller.toml")?;
     let mut scenario: Scenario = parse(scenario, "scenario.toml")?;
     let control = &mut config.control;
     (control.sampling_time_s, control.max_sample_age_s) = (SAMPLING_TIME_S, 3.0 * SAMPLING_TIME_S);
     (control.answer_budget_s, control.spin_s) = (SAMPLING_TIME_S / 2.0, SAMPLING_TIME_S / 4.0);
     scenario.timing.sampling_time_s = SAMPLING_TIME_S;
+    if joints == "six-all" {
+        config.contact.admittance_axes.fill(true);
+    }
+    if joints == "six-tool" {
+        config.task.frame = FrameName::Tool;
+    }
     if told == "range" {
         let environment = &mut config.environment;
         let stiffness = environment.normal_stiffness_n_m;

@@ -77,7 +77,7 @@ typedef struct admittance_options {
    */
   double velocity_offset_limit[ADMITTANCED_TASK_AXES];
   /*
-   The same for each joint of its joint-space image, rad/s. Above 0; INFINITY for none.
+   The same for each joint of its joint-space image, rad/s (m/s of one that slides). Above 0; INFINITY for none.
    */
   double joint_velocity_offset_limit[ADMITTANCED_MAX_JOINTS];
 } admittance_options;

@@ -55,7 +55,7 @@ inline admittance_options options() noexcept {
     return empty;
 }
 
-// Joints of a sample, base to tip: rad and rad/s.
+// Joints of a sample, base to tip: rad and rad/s, of those that slide m and m/s.
 inline span<double> joint_position(admittanced_state_sample &sample) noexcept {
     return {sample.joint_position, sample.joint_count};
 }

@@ -9,7 +9,7 @@ use crate::rejection::Rejection;
 pub struct Limits {
     /// Of each axis of the velocity offset, planned ones included, m/s and rad/s.
     pub velocity_offset: [f64; TASK_AXES],
-    /// Of each joint of the offset's joint-space image, rad/s.
+    /// Of each joint of the offset's joint-space image, rad/s; m/s of one that slides.
     pub joint_velocity_offset: [f64; MAX_JOINTS],
 }
 

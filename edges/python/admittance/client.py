@@ -118,7 +118,8 @@ class Client:
     """Ports and rules of a motion controller; close it, or use it in a `with` statement.
 
     `sampling_time_s` and `command_delay_s` are the daemon's. `velocity_offset_limit` (m/s and rad/s per axis) and
-    `joint_velocity_offset_limit` (rad/s per joint) are the controller's own: an answer beyond them is refused.
+    `joint_velocity_offset_limit` (rad/s per joint, m/s of one that slides) are the controller's own: an answer beyond
+    them is refused.
     """
 
     def __init__(

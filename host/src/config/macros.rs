@@ -258,13 +258,14 @@ macro_rules! config_enum {
     };
 }
 
-/// Says that a section is a whole file, which [`parse`](crate::config::parse) accepts.
+/// Says that a section is a whole file, which [`parse`](crate::config::parse) accepts. `completed f`
+/// names a function from the file to itself: what a key says in another one's place, before the checks.
 #[macro_export]
 macro_rules! config_file {
-    ($name:ty) => {
+    ($name:ty $(, completed $complete:path)?) => {
         impl $crate::config::File for $name {
             fn deserialized(text: &str) -> Result<Self, $crate::config::private::toml::de::Error> {
-                $crate::config::private::toml::from_str(text)
+                $crate::config::private::toml::from_str::<Self>(text)$(.map($complete))?
             }
         }
     };

@@ -1,12 +1,14 @@
 //! Task frames on a six-joint arm: which direction gives way, that a frame is only a point of view, and
 //! the tool's, which turns.
 
-use admittance_host::robot_description::RobotDescription;
 use admittance_runner::config::FrameName;
 use admittance_runner::cycle::{self, Cycle};
 use end_to_end::closed_loop::{Experiment, Instant, Run};
 use ipc_types::StateSample;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+
+use super::straight_line::{off_the_line, sideways_offset};
+use super::turned_world::{difference, rotation, turned, turned_world, vector};
 
 const CONFIG: &str = include_str!("../../../deploy/robots/six-joint.toml");
 const SCENARIO: &str = include_str!("../../../plant-sim/scenarios/six-joint.toml");
@@ -15,26 +17,6 @@ const MOST: f64 = 150.0 + 0.5;
 const ONE_DIRECTION: [bool; 6] = [false, false, true, false, false, false];
 /// A frame along nothing in particular.
 const RPY: [f64; 3] = [0.4, -0.7, 1.1];
-
-fn rotation(rpy: [f64; 3]) -> Matrix3<f64> {
-    Rotation3::from_euler_angles(rpy[0], rpy[1], rpy[2]).into_inner()
-}
-
-fn rpy_of(rotation: &Matrix3<f64>) -> [f64; 3] {
-    let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(*rotation).euler_angles();
-    [roll, pitch, yaw]
-}
-
-/// Its linear and its angular half turned.
-fn turned(rotation: &Matrix3<f64>, twist: &[f64]) -> [f64; 6] {
-    let half = |first: usize| rotation * Vector3::from_fn(|row, _| twist[first + row]);
-    let (linear, angular) = (half(0), half(3));
-    [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
-}
-
-fn vector(values: &[f64]) -> Vector3<f64> {
-    Vector3::from_fn(|row, _| values[row])
-}
 
 /// As shipped, at 1 kHz, with this frame; these directions of it give way.
 fn experiment(frame: FrameName, gives_way: [bool; 6]) -> Experiment {
@@ -58,19 +40,6 @@ fn with_equal_joints(mut experiment: Experiment) -> Experiment {
     experiment
 }
 
-/// Largest way in m off the line along `direction` through where the tool began, and largest turn in
-/// rad.
-fn off_the_line(run: &Run, direction: &Vector3<f64>) -> (f64, f64) {
-    let start = &run.instants[0].truth;
-    let attitude = |at: &[f64; 3]| Rotation3::new(vector(at));
-    let off = |at: &Instant| {
-        let way = vector(&at.truth.tcp_position) - vector(&start.tcp_position);
-        let turn = attitude(&at.truth.tcp_rotation) * attitude(&start.tcp_rotation).inverse();
-        ((way - direction * way.dot(direction)).norm(), turn.angle())
-    };
-    run.instants.iter().map(off).fold((0.0, 0.0), |(a, b), (way, turn)| (a.max(way), b.max(turn)))
-}
-
 #[test]
 fn only_the_direction_that_gives_way_leaves_its_path() {
     let along_tool = tool().column(2).into_owned();
@@ -88,11 +57,7 @@ fn only_the_direction_that_gives_way_leaves_its_path() {
         assert!(run.peak_normal() <= MOST, "{frame}: peak {} N", run.peak_normal());
         let gives_way = run.instants.iter().map(|at| vector(&at.command.velocity_offset).dot(&inward).abs());
         let gives_way = gives_way.fold(0.0, f64::max);
-        let sideways = run.instants.iter().map(|at| {
-            let offset = vector(&at.command.velocity_offset);
-            (offset - inward * offset.dot(&inward)).norm().max(vector(&at.command.velocity_offset[3..]).norm())
-        });
-        let sideways = sideways.fold(0.0, f64::max);
+        let sideways = sideways_offset(&run, |_| inward);
         let (way, turn) = off_the_line(&run, &inward);
         println!(
             "{frame}: peak {:.1} N, settled {:.2} N, gives way at {gives_way:.3} m/s, off the line by {way:.1e} m and \
@@ -103,44 +68,6 @@ fn only_the_direction_that_gives_way_leaves_its_path() {
         assert!(gives_way > 0.009, "{frame}: {gives_way} m/s");
         assert!(way < 1e-6 && turn < 1e-6, "{frame}: {way} m, {turn} rad");
     }
-}
-
-/// The base of the arm and all that is around it turned by `by`, nothing else.
-fn turned_world(mut experiment: Experiment, by: &Matrix3<f64>) -> Experiment {
-    let turn_arm = |robot: &mut RobotDescription| {
-        let first = &mut robot.joint[0];
-        first.origin_m = (by * vector(&first.origin_m)).into();
-        first.origin_rpy_rad = rpy_of(&(by * rotation(first.origin_rpy_rad)));
-    };
-    let Experiment { config, scenario } = &mut experiment;
-    turn_arm(&mut config.robot);
-    turn_arm(&mut scenario.robot);
-    let environment = &mut config.environment;
-    environment.surface_normal = (by * vector(&environment.surface_normal)).into();
-    environment.contact_point_m = environment.contact_point_m.map(|point| (by * vector(&point)).into());
-    environment.contact_rpy_rad = rpy_of(&(by * rotation(environment.contact_rpy_rad)));
-    config.wrench.gravity_m_s2 = (by * vector(&config.wrench.gravity_m_s2)).into();
-    let surface = scenario.surface.as_mut().expect("a surface");
-    surface.normal = (by * vector(&surface.normal)).into();
-    surface.point_m = (by * vector(&surface.point_m)).into();
-    if let Some(sensor) = &mut scenario.sensor {
-        sensor.gravity_m_s2 = (by * vector(&sensor.gravity_m_s2)).into();
-    }
-    for phase in &mut scenario.motion {
-        phase.twist = turned(by, &phase.twist).to_vec();
-    }
-    experiment
-}
-
-/// Largest difference of force in N, and of offsets turned back in m/s and rad/s.
-fn difference(one: &Run, other: &Run, by: &Matrix3<f64>) -> (f64, f64) {
-    assert_eq!(one.instants.len(), other.instants.len());
-    let differences = one.instants.iter().zip(&other.instants).map(|(one, other)| {
-        let offset = turned(&by.transpose(), &other.command.velocity_offset);
-        let offset = offset.iter().zip(one.command.velocity_offset).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        ((one.truth.normal_force_n - other.truth.normal_force_n).abs(), offset)
-    });
-    differences.fold((0.0, 0.0), |(a, b), (force, offset)| (f64::max(a, force), f64::max(b, offset)))
 }
 
 #[test]

@@ -13,7 +13,9 @@ use super::unknown::LEAST_SPEED_RAD_S;
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Predicted {
     joint: usize,
+    /// rad/s; m/s of a joint that slides.
     range_rad_s: f64,
+    speed_unit: &'static str,
     /// None where the joint does not move.
     found_error: Option<f64>,
     configured_error: Option<f64>,
@@ -48,20 +50,20 @@ pub(super) fn predicted(mut case: Case<'_>, found: &Found) -> Vec<Predicted> {
         let range_rad_s = shown().fold(f64::NEG_INFINITY, f64::max) - shown().fold(f64::INFINITY, f64::min);
         let [found_error, configured_error] = [&of.model, &configured[joint]]
             .map(|model| (range_rad_s >= LEAST_SPEED_RAD_S).then(|| error(model, joint) / range_rad_s));
-        Predicted { joint, range_rad_s, found_error, configured_error }
+        Predicted { joint, range_rad_s, speed_unit: case.speed_units[joint], found_error, configured_error }
     };
     found.loops.joints.iter().enumerate().map(of).collect()
 }
 
 impl Display for Predicted {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        let Self { joint, range_rad_s, found_error, configured_error } = self;
+        let Self { joint, range_rad_s, speed_unit, found_error, configured_error } = self;
         let (Some(found), Some(configured)) = (found_error, configured_error) else {
-            return write!(f, "joint {joint}: does not move, its range is {range_rad_s:.3} rad/s");
+            return write!(f, "joint {joint}: does not move, its range is {range_rad_s:.3} {speed_unit}");
         };
         write!(
             f,
-            "joint {joint}: predicted within {:.2} % of its range of {range_rad_s:.3} rad/s (RMS); as configured {:.2} %",
+            "joint {joint}: predicted within {:.2} % of its range of {range_rad_s:.3} {speed_unit} (RMS); as configured {:.2} %",
             100.0 * found,
             100.0 * configured
         )

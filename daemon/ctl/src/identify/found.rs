@@ -1,6 +1,7 @@
 //! All that recordings tell, found step by step: loops, then when commands act, then the tool and the
 //! touches, which need each other.
 
+use admittance_host::robot_description::{JointDescription, KindName};
 use admittance_runner::config::Config;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -56,12 +57,19 @@ pub(super) struct Case<'a> {
     pub(super) tracks: Vec<Track>,
     pub(super) references: Vec<References>,
     used: Vec<Vec<bool>>,
+    /// Unit of each joint's velocity.
+    pub(super) speed_units: Vec<&'static str>,
 }
 
 impl<'a> Case<'a> {
     pub(super) fn new(config: &'a Config, arm: &'a dyn Arm, tracks: Vec<Track>) -> Self {
+        let speed_unit = |joint: &JointDescription| match joint.kind {
+            KindName::Revolute => "rad/s",
+            KindName::Prismatic => "m/s",
+        };
+        let speed_units = config.robot.joint.iter().map(speed_unit).collect();
         let used = tracks.iter().map(|track| settled(track, &without_offset(track, FORGOTTEN_S))).collect();
-        let mut case = Self { config, arm, tracks, references: Vec::new(), used };
+        let mut case = Self { config, arm, tracks, references: Vec::new(), used, speed_units };
         case.refer(
             delay_bracket(&case.tracks).map_or(config.control.command_delay_s, |(least, most)| 0.5 * (least + most)),
         );
@@ -74,7 +82,12 @@ impl<'a> Case<'a> {
     }
 
     pub(super) fn evidence(&self) -> Evidence<'_> {
-        Evidence { tracks: &self.tracks, references: &self.references, used: &self.used }
+        Evidence {
+            tracks: &self.tracks,
+            references: &self.references,
+            used: &self.used,
+            speed_units: &self.speed_units,
+        }
     }
 
     pub(super) fn found(&mut self) -> Found {

@@ -35,6 +35,8 @@ pub(super) struct Evidence<'a> {
     pub(super) references: &'a [References],
     /// Which samples count, by track.
     pub(super) used: &'a [Vec<bool>],
+    /// Unit of each joint's velocity.
+    pub(super) speed_units: &'a [&'static str],
 }
 
 /// A joint's loop as it was found.
@@ -44,9 +46,12 @@ pub(super) struct FoundLoop {
     /// Of a loop of second order.
     pub(super) damping: Option<Estimate>,
     pub(super) dead_time_s: Estimate,
-    /// RMS of what the fit leaves of the reported velocity, and the range of that, rad/s.
+    /// RMS of what the fit leaves of the reported velocity, and the range of that, rad/s; m/s of a joint
+    /// that slides.
     pub(super) residual_rad_s: f64,
     pub(super) range_rad_s: f64,
+    /// Of both.
+    pub(super) speed_unit: &'static str,
     /// By how much Akaike's criterion prefers second order.
     pub(super) second_order_gain: f64,
     /// Whether the recording tells its time constant and dead time.
@@ -197,6 +202,7 @@ impl Evidence<'_> {
             dead_time_s,
             residual_rad_s: mean_square(&residuals[0]).sqrt(),
             range_rad_s: self.range(joint),
+            speed_unit: self.speed_units[joint],
             second_order_gain: first.akaike,
             model,
         }

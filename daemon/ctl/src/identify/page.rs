@@ -58,7 +58,7 @@ fn curves(case: &Case<'_>, found: &Found) -> Vec<Curves> {
         let shown = (start..track.len()).take_while(|at| track.time_s[*at] < track.time_s[start] + SHOWN_S);
         all.push(Curves {
             caption: format!("joint {number}, where it changes its speed the most"),
-            y_label: "reported velocity in rad/s".to_owned(),
+            y_label: format!("reported velocity in {}", joint.speed_unit),
             measured: shown.clone().map(|at| (track.time_s[at], track.velocity[at][number])).collect(),
             fitted: shown.map(|at| (track.time_s[at], moved[at].shown)).collect(),
         });

@@ -81,7 +81,7 @@ pub(super) fn joints(found: &Found) -> Vec<Vec<String>> {
             } else {
                 "not told".to_owned()
             },
-            format!("{:.1e} rad/s RMS, {share:.2} % of its range", joint.residual_rad_s),
+            format!("{:.1e} {} RMS, {share:.2} % of its range", joint.residual_rad_s, joint.speed_unit),
         ]
     };
     found.loops.joints.iter().enumerate().map(cells).collect()

@@ -26,7 +26,7 @@ const fn in_ms(what: &'static str, narrow: f64, motion: &'static str) -> Quantit
 }
 
 pub(super) const LIVELY: &str =
-    "free motion in which every joint changes its speed by 0.1 rad/s or more, a dozen times";
+    "free motion in which every joint changes its speed by 0.1 rad/s or more (0.1 m/s where it slides), a dozen times";
 pub(super) const HARD: &str = "a touch of half a second with 20 N or more, and ten times the noise";
 
 pub(super) const COMMAND_DELAY: Quantity = in_ms("the command delay", 2e-4, HARD);

@@ -39,6 +39,18 @@ impl Described {
     }
 }
 
+/// Whether an element is one that describes an arm.
+pub(super) fn is_kept(node: Node<'_, '_>) -> bool {
+    let of = |parent: Node<'_, '_>| KEPT.iter().find(|(element, _)| *element == parent.tag_name().name());
+    let is_of = |parent: Node<'_, '_>| {
+        of(parent).is_some_and(|(_, kept)| kept.contains(&node.tag_name().name())) && is_kept(parent)
+    };
+    match node.parent_element() {
+        Some(parent) => is_of(parent),
+        None => node.is_element(),
+    }
+}
+
 /// Only what describes an arm: meshes, sensors and extensions, which may hold anything, are nothing
 /// that an import could fail on.
 fn write(node: Node<'_, '_>, plain: &mut String) {

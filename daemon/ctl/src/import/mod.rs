@@ -10,7 +10,7 @@ mod checked;
 mod document;
 mod frame;
 mod marked;
-mod rigid_body_section;
+mod masses;
 mod robot_file;
 mod robot_section;
 mod scenario_file;
@@ -50,7 +50,7 @@ pub(crate) struct Args {
     /// The link whose frame is the TCP, at the arm's end.
     #[arg(long, value_name = "LINK")]
     tip: String,
-    /// Print a scenario of plant-sim with masses and torques, in place of a configuration.
+    /// Print a scenario of plant-sim with masses and torques, in place of a configuration, which has the masses in a comment.
     #[arg(long)]
     scenario: bool,
 }
@@ -109,14 +109,14 @@ fn printed(bytes: &[u8], origin: &Origin, scenario: bool) -> Result<String, Refu
     has_no_mark(&described, origin)?;
     let arm = Arm::between(&described, &origin.base, &origin.tip)?;
     let not_accepted = |errors: ConfigErrors| not_accepted(&arm, &errors);
-    let robot = robot_file::text(&arm, origin);
-    if !scenario {
-        config::parse::<Config>(&marked::with_examples(&robot), "").map_err(not_accepted)?;
+    if scenario {
+        let text = scenario_file::text(&arm, origin);
+        config::parse::<Scenario>(&marked::with_examples(&text), "").map_err(not_accepted)?;
+        return Ok(text);
     }
-    // Of the configuration too: its masses are in a comment, which nothing else looks at.
-    let masses = scenario_file::text(&arm, origin);
-    config::parse::<Scenario>(&marked::with_examples(&masses), "").map_err(not_accepted)?;
-    Ok(if scenario { masses } else { robot })
+    let text = robot_file::text(&arm, origin);
+    config::parse::<Config>(&marked::with_examples(&text), "").map_err(not_accepted)?;
+    Ok(text)
 }
 
 /// A name with the mark in it would look like a line that is to be filled in.

@@ -3,7 +3,7 @@
 use super::Origin;
 use super::arm::{Arm, LEAST_CONDITION};
 use super::marked::{list, to_fill_in};
-use super::{rigid_body_section, robot_section};
+use super::{masses, robot_section};
 
 /// Speeds that a configuration takes, in rad/s or m/s.
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
@@ -26,7 +26,7 @@ pub(super) fn text(arm: &Arm, origin: &Origin) -> String {
         environment(arm),
         mpc(arm),
         limits(arm),
-        masses(arm, origin),
+        dynamics(arm, origin),
     ];
     let mut text = sections.map(|lines| lines.join("\n")).join("\n\n");
     text.push('\n');
@@ -68,7 +68,7 @@ fn contact(arm: &Arm) -> Vec<String> {
         to_fill_in("sign", "\"\"", "\"reaction\": a sensor that reports what the robot feels", "\"on_environment\""),
         String::new(),
         "[contact]   # one value for each task axis, x y z rx ry rz: N for forces, N m for torques".to_owned(),
-        to_fill_in("admittance_axes", "[]", "which axes give way", &format!("[{}]", axes.join(", "))),
+        to_fill_in("admittance_axes", "\"\"", "which axes give way", &format!("[{}]", axes.join(", "))),
         each("activation_threshold", "well above the wrench's noise", 5.0, 1.0),
         each("release_threshold", "below the minimum force", 3.0, 0.5),
         each("force_limit", "what tool and workpiece stand", 100.0, 10.0),
@@ -147,12 +147,15 @@ fn limits(arm: &Arm) -> Vec<String> {
     lines
 }
 
-/// What the daemon does not need and the plant does, as a comment.
-fn masses(arm: &Arm, origin: &Origin) -> Vec<String> {
-    let head = format!(
-        "# Masses and torques, for a scenario of plant-sim: admittancectl import {} --scenario",
-        origin.words()
-    );
+/// What most configurations do not need, as a comment.
+fn dynamics(arm: &Arm, origin: &Origin) -> Vec<String> {
+    let head = [
+        "# Masses, for a wrench from motor torques (wrench.source = \"motor_torque\", of joints that turn): without the first \"# \""
+            .to_owned(),
+        "# of each line from here on. For plant-sim they are in a scenario:".to_owned(),
+        format!("# admittancectl import {} --scenario", origin.words()),
+        "#".to_owned(),
+    ];
     let commented = |line: String| if line.is_empty() { "#".to_owned() } else { format!("# {line}") };
-    [head, "#".to_owned()].into_iter().chain(rigid_body_section::lines(arm).into_iter().map(commented)).collect()
+    head.into_iter().chain(masses::of_observer(arm).into_iter().map(commented)).collect()
 }

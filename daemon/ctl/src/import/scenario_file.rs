@@ -3,7 +3,7 @@
 use super::Origin;
 use super::arm::Arm;
 use super::marked::{list, to_fill_in};
-use super::{rigid_body_section, robot_section};
+use super::{masses, robot_section};
 
 /// Largest joint position at the start that a scenario takes, in rad or m.
 const LARGEST_START: f64 = 7.0;
@@ -29,7 +29,7 @@ pub(super) fn text(arm: &Arm, origin: &Origin) -> String {
         ],
         vec!["[ipc]   # as the daemon's configuration has it".to_owned()],
         robot_section::lines(arm, origin),
-        rigid_body_section::lines(arm),
+        masses::of_plant(arm),
         vec![
             "[timing]".to_owned(),
             to_fill_in("sampling_time_s", "nan", "s, the motion controller's cycle", "0.004"),

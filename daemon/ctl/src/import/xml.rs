@@ -6,6 +6,8 @@ use std::fmt;
 use admittance_host::config;
 use roxmltree::{Document, Node, ParsingOptions};
 
+use super::document::is_kept;
+
 /// Largest URDF in bytes: twenty times the largest that is known.
 pub(crate) const LARGEST_URDF: u64 = 4 << 20;
 /// Most elements, texts and comments: a humanoid with hands has some thousand.
@@ -137,12 +139,13 @@ fn is_not_deep(document: &Document<'_>) -> Result<(), Refused> {
     Ok(())
 }
 
-/// The namespace may be declared: what xacro writes keeps the declaration.
+/// The namespace may be declared: what xacro writes keeps the declaration. And what is not looked at may
+/// hold anything: a plugin of a simulator has variables of its own.
 fn is_not_xacro(document: &Document<'_>) -> Result<(), Refused> {
     let is_of_xacro = |node: &Node<'_, '_>| {
         let names = node.attributes().map(|attribute| attribute.namespace()).chain([node.tag_name().namespace()]);
         names.flatten().any(|namespace| namespace.contains("xacro"))
-            || node.attributes().any(|attribute| attribute.value().contains("${"))
+            || node.attributes().any(|attribute| attribute.value().contains("${")) && is_kept(*node)
     };
     match document.root().descendants().find(is_of_xacro) {
         Some(node) => Err(xacro(line_of(node))),

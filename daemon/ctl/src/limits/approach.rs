@@ -2,7 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use admittance_runner::config::{Config, FrameName, GivenInName, GivenSignName, WrenchSection as WrenchConditioning};
+use admittance_core::quantities::AXIS_NAMES;
+use admittance_runner::config::{Config, GivenInName, GivenSignName, WrenchSection as WrenchConditioning};
 use plant_sim::drives_section::DrivesSection;
 use plant_sim::pose::{self, ArmPose};
 use plant_sim::scenario::{
@@ -50,13 +51,6 @@ impl Approach {
         joints: Option<&[f64]>,
         direction: Option<&[f64]>,
     ) -> Result<Self, (Exit, String)> {
-        if config.task.frame != FrameName::Base {
-            let why = format!(
-                "task.frame = \"{}\": accepted: \"base\", whose directions the simulated forces are compared on",
-                config.task.frame
-            );
-            return Err((Exit::Config, why));
-        }
         let normal = unit(config.environment.surface_normal);
         let direction = direction_of(config, normal, direction).map_err(|why| (Exit::Usage, why))?;
         let (pose, other_joint_position_rad) = match joints {
@@ -194,18 +188,26 @@ fn sensor(told: &WrenchConditioning) -> Option<SensorSection> {
 }
 
 fn direction_of(config: &Config, normal: [f64; 3], direction: Option<&[f64]>) -> Result<[f64; 3], String> {
-    let planar = config.robot.task_axes == 2;
-    let accepted = if planar { "x,y" } else { "x,y,z" };
+    let linear: Vec<usize> = config.robot.linear_axes().collect();
+    let along = |axis: usize| linear.contains(&axis);
+    let accepted = if config.robot.task_axes == 2 { "x,y" } else { "x,y,z" };
+    let stays =
+        |x: &f64, y: &f64, z: &f64| [x, y, z].iter().enumerate().all(|(axis, part)| along(axis) || **part == 0.0);
     let direction = match direction {
         None => normal.map(|component| -component),
-        Some([x, y]) if planar => [*x, *y, 0.0],
-        Some([x, y, z]) if !planar || *z == 0.0 => [*x, *y, *z],
+        Some([x, y]) if config.robot.task_axes == 2 => [*x, *y, 0.0],
+        Some([x, y, z]) if stays(x, y, z) => [*x, *y, *z],
         Some(other) => {
-            return Err(format!("--direction {other:?}: accepted: {accepted}, one number per axis of this arm"));
+            let names: Vec<&str> = linear.iter().map(|axis| AXIS_NAMES[*axis]).collect();
+            return Err(format!(
+                "--direction {other:?}: accepted: {accepted}, and nothing but 0 along other axes than {}, which this arm \
+                 controls",
+                names.join(" ")
+            ));
         }
     };
-    // A planar arm moves in its plane, whatever the normal.
-    let direction = if planar { [direction[0], direction[1], 0.0] } else { direction };
+    // The arm moves along its own axes, whatever the normal.
+    let direction: [f64; 3] = std::array::from_fn(|axis| if along(axis) { direction[axis] } else { 0.0 });
     let length = dot(direction, direction).sqrt();
     if !length.is_finite() || length < 1e-9 {
         return Err(format!("--direction: accepted: {accepted}, finite numbers that are not all 0"));
@@ -339,6 +341,18 @@ mod tests {
         assert!((tcp[0] - 1.32).abs() < 1e-9 && (tcp[1] - 0.68).abs() < 1e-9);
         let above = Approach::new(&planar(), Some(&other), None).unwrap();
         assert!(above.pose.joint_position_rad[1] > 0.0 && (above.inward_share() - 1.0).abs() < 1e-12);
+    }
+
+    /// Three joints in a plane: x, y and rz of six axes.
+    #[test]
+    fn an_arm_approaches_along_the_axes_that_it_controls() {
+        let text = include_str!("../../../../deploy/robots/planar-three.toml");
+        let config: Config = parse(text, "planar-three.toml").unwrap();
+        let why = direction_of(&config, [0.0, 1.0, 0.0], Some(&[0.0, -1.0, 0.5])).unwrap_err();
+        assert!(why.contains("accepted: x,y,z, and nothing but 0 along other axes than x y,"), "{why}");
+        assert_eq!(direction_of(&config, [0.0, 1.0, 0.0], Some(&[0.0, -2.0, 0.0])), Ok([0.0, -1.0, 0.0]));
+        let leaning = direction_of(&config, [0.0, 0.8, 0.6], None).unwrap();
+        assert_eq!((leaning[0], leaning[2]), (0.0, 0.0));
     }
 
     #[test]

@@ -6,8 +6,10 @@ use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::config::Section;
 use admittance_runner::config::Config;
 use admittance_runner::cycle;
+use admittance_runner::task_frame::TaskFrame;
 use admittance_runner::virtual_time::{Step, VirtualTime};
-use ipc_types::StopReason;
+use ipc_types::{StopReason, TruthSample};
+use nalgebra::{Rotation3, Vector3};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 use serde::Serialize;
@@ -211,10 +213,9 @@ pub(super) fn is_safe_in(config: &Config, scenario: &Scenario) -> Result<Result<
 }
 
 fn check(config: &Config, step: &Step, (losses, is_late): (u32, bool)) -> Result<(), Unsafe> {
-    for (axis, limit) in limited_axes(config) {
-        let force = step.truth.peak_wrench[axis].abs();
-        if force > limit + FORCE_TOLERANCE_N {
-            return Err(Unsafe::Force { axis, force_n: force });
+    for (axis, force_n, limit) in limited_forces(config, &step.truth) {
+        if force_n > limit + FORCE_TOLERANCE_N {
+            return Err(Unsafe::Force { axis, force_n });
         }
     }
     // A bounce at the impact is what a tolerance of the arm's lag is told to cost.
@@ -236,6 +237,19 @@ pub(crate) fn limited_axes(config: &Config) -> impl Iterator<Item = (usize, f64)
     let contact = &config.contact;
     let axes = contact.admittance_axes.iter().zip(&contact.force_limit).enumerate().take(3);
     axes.filter(|(_, (admittance, _))| **admittance).map(|(axis, (_, limit))| (axis, *limit))
+}
+
+/// The true forces on those axes, which are of the task frame: (axis, largest magnitude in N since the truth before,
+/// limit in N).
+pub(crate) fn limited_forces<'a>(
+    config: &'a Config,
+    truth: &TruthSample,
+) -> impl Iterator<Item = (usize, f64, f64)> + use<'a> {
+    let tool = Rotation3::new(truth.tcp_rotation.into()).into_inner();
+    let [x, y, z, ..] = truth.peak_wrench;
+    // A surface gives all three of them their peak at one instant.
+    let force = TaskFrame::with_tool(config, &tool).vector(Vector3::new(x, y, z));
+    limited_axes(config).map(move |(axis, limit)| (axis, force[axis].abs(), limit))
 }
 
 #[cfg(test)]

@@ -11,12 +11,13 @@ mod table;
 use std::path::{Path, PathBuf};
 
 use admittance_runner::config::Config;
+use admittance_runner::task_frame::TaskFrame;
 use plant_sim::scenario::Scenario;
 
 use crate::parallel::{Part, Progress};
 use crate::{Exit, offline, parallel, plausible, validate};
 pub(crate) use approach::Approach;
-pub(crate) use cell::{FORCE_TOLERANCE_N, config_for, limited_axes, weight};
+pub(crate) use cell::{FORCE_TOLERANCE_N, config_for, limited_axes, limited_forces, weight};
 pub(crate) use search::{Cases, Found, highest_safe};
 use table::{Limits, Recommended};
 
@@ -32,6 +33,8 @@ const WORLDS_SEED: u64 = 1;
 /// A world takes so much longer than the cell as told: its loops, its noise and its friction.
 const WORLD_WEIGHT: f64 = 1.5;
 /// What the configuration's keys accept.
+/// A part of the normal that is rounding of a frame's turn.
+const NO_NORMAL: f64 = 1e-12;
 const ACCEPTED_STIFFNESS_N_M: (f64, f64) = (100.0, 1e8);
 const ACCEPTED_SAMPLING_TIME_S: (f64, f64) = (0.0001, 0.1);
 
@@ -48,8 +51,8 @@ pub(crate) struct Args {
     /// Configuration of the daemon.
     #[arg(value_name = "CONFIG")]
     config: PathBuf,
-    /// Joint position at contact in rad, base first; required for arms of 6 and 7 joints. It is
-    /// moved to environment.contact_point_m in the same orientation.
+    /// Joint position at contact, base first, in rad, in m of joints that slide; required for all arms but those of
+    /// two task axes. It is moved to environment.contact_point_m in the same orientation.
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     joints: Option<Vec<f64>>,
     /// Direction of the approach in the base frame, of any length; along the inward surface normal
@@ -135,7 +138,8 @@ impl Question {
         stiffnesses_n_m.sort_by(f64::total_cmp);
         stiffnesses_n_m.dedup();
         let approach = Approach::new(config, args.joints.as_deref(), args.direction.as_deref())?;
-        if !cell::limited_axes(config).any(|(axis, _)| approach.normal[axis] != 0.0) {
+        let normal = TaskFrame::with_tool(config, &approach.pose.tcp_axes).vector(approach.normal.into());
+        if !cell::limited_axes(config).any(|(axis, _)| normal[axis].abs() > NO_NORMAL) {
             let why = "contact.admittance_axes has no axis along which the surface pushes back: no approach is safe";
             return Err((Exit::Config, why.to_owned()));
         }
@@ -277,7 +281,12 @@ fn unlimited_drives(config: &Config) -> Option<Config> {
 #[cfg(test)]
 mod tests {
     use admittance_host::config::parse;
+    use admittance_runner::config::FrameName;
+    use admittance_runner::cycle;
+    use admittance_runner::virtual_time::VirtualTime;
     use clap::Parser;
+    use nalgebra::{Matrix3, Vector3};
+    use plant_sim::run::VirtualRun;
 
     use super::*;
 
@@ -337,6 +346,50 @@ mod tests {
         config.contact.admittance_axes = vec![true, true, false, true, true, true];
         let line = args(&["--joints", "0.3,1.2,-1.8,2.2,1.57,0.3"]);
         let (code, why) = Question::new(&line, &config).unwrap_err();
+        assert!(code == Exit::Config && why.contains("admittance_axes"), "{why}");
+    }
+
+    /// What gives way is a direction of the task frame, and so is the force that is limited.
+    #[test]
+    fn approaches_are_judged_in_the_task_frame() {
+        let line = args(&["--joints", "0.3,1.2,-1.8,2.2,1.57,0.3"]);
+        let standing = Question::new(&line, &spatial()).unwrap().approach.pose.tcp_axes;
+        let normal = Vector3::new(0.25, -0.1, 1.0).normalize();
+        for (frame, axes) in [(FrameName::Surface, Matrix3::from_columns(&[normal; 3])), (FrameName::Tool, standing)] {
+            let mut config = spatial();
+            config.task.frame = frame;
+            config.environment.surface_normal = normal.into();
+            config.contact.admittance_axes = (0..6).map(|axis| axis == 2).collect();
+            let approach = Question::new(&line, &config).unwrap().approach;
+            let safe = |speed: f64| cell::is_safe(&config, &approach, speed, 0.5).unwrap();
+            assert_eq!(safe(0.05), Ok(()), "{frame}");
+            // A limit that a stop in time does not keep.
+            config.contact.force_limit = vec![20.0; 6];
+            config.stopping.stop_force_n = None;
+            config.contact.minimum_force.fill(4.0);
+            let approach = Question::new(&line, &config).unwrap().approach;
+            let scenario = approach.scenario(&config, 0.4, 0.5);
+            let plant = VirtualRun::new(&scenario).unwrap();
+            let mut run = VirtualTime::new(cycle::build(&config).unwrap(), plant);
+            let (mut seen, mut normal_force) = (0.0_f64, 0.0_f64);
+            while let Some(step) = run.step().unwrap() {
+                let forces: Vec<_> = limited_forces(&config, &step.truth).collect();
+                assert_eq!(forces.len(), 1);
+                assert_eq!((forces[0].0, forces[0].2), (2, 20.0));
+                seen = seen.max(forces[0].1);
+                normal_force = normal_force.max(step.truth.peak_normal_force_n);
+            }
+            let along = axes.column(2).dot(&normal).abs();
+            assert!(
+                normal_force > 50.0 && (seen / normal_force - along).abs() < 0.02,
+                "{frame}: {seen} of {normal_force} N"
+            );
+        }
+        // The frame's x lies in the surface.
+        let mut blind = spatial();
+        blind.task.frame = FrameName::Surface;
+        blind.contact.admittance_axes = (0..6).map(|axis| axis == 0).collect();
+        let (code, why) = Question::new(&line, &blind).unwrap_err();
         assert!(code == Exit::Config && why.contains("admittance_axes"), "{why}");
     }
 

@@ -9,7 +9,7 @@ use plant_sim::pose;
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
-use crate::limits::{FORCE_TOLERANCE_N, limited_axes};
+use crate::limits::{FORCE_TOLERANCE_N, limited_axes, limited_forces};
 
 /// Losses of contact count from so long after the first touch, in s: the first impact is over.
 const IMPACT_S: f64 = 0.05;
@@ -76,8 +76,7 @@ pub struct Peak {
 
 impl Peak {
     fn see(&mut self, config: &Config, truth: &TruthSample) {
-        for (axis, limit) in limited_axes(config) {
-            let force = truth.peak_wrench[axis].abs();
+        for (_, force, limit) in limited_forces(config, truth) {
             self.ratio = self.ratio.max(force / limit);
             self.is_over |= force > limit + FORCE_TOLERANCE_N;
         }

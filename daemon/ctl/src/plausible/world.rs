@@ -123,13 +123,13 @@ impl World {
 
     /// Makes the plant this world, as far as `is_on` says.
     pub fn apply(&self, scenario: &mut Scenario, is_on: impl Fn(Cause) -> bool) {
-        let planar = scenario.robot.task_axes == 2;
+        let linear: Vec<usize> = scenario.robot.linear_axes().collect();
         if let Some(surface) = &mut scenario.surface {
             if is_on(Cause::Stiffness) {
                 surface.stiffness_n_m *= self.stiffness_factor;
             }
             if is_on(Cause::Normal) {
-                surface.normal = tilted(surface.normal, self.tilt_rad, self.tilt_direction_rad, planar);
+                surface.normal = tilted(surface.normal, self.tilt_rad, self.tilt_direction_rad, &linear);
             }
             if is_on(Cause::Friction) {
                 surface.friction = self.friction;
@@ -167,24 +167,43 @@ impl World {
     }
 }
 
-/// A normal turned by `angle` towards `direction` (both rad), in the plane for a planar arm.
-fn tilted(normal: [f64; 3], angle: f64, direction: f64, planar: bool) -> [f64; 3] {
+/// A normal turned by `angle` towards `direction` (both rad), within the plane of an arm that moves along two of the
+/// axes x y z; not at all where it moves along one.
+fn tilted(normal: [f64; 3], angle: f64, direction: f64, linear: &[usize]) -> [f64; 3] {
+    if linear.len() < 2 {
+        return normal;
+    }
     let n = nalgebra::Vector3::from(normal).normalize();
-    let axis = if planar {
-        nalgebra::Vector3::z_axis()
+    let beside = (0..3).find(|axis| !linear.contains(axis));
+    let axis = if let Some(beside) = beside {
+        nalgebra::Unit::new_unchecked(nalgebra::Vector3::ith(beside, 1.0))
     } else {
         // Any direction across the normal, turned about it.
         let across = n.cross(&nalgebra::Vector3::from_fn(|axis, _| f64::from(u8::from(axis == n.iamin()))));
         let about = nalgebra::Rotation3::from_axis_angle(&nalgebra::Unit::new_normalize(n), direction);
         nalgebra::Unit::new_normalize(about * across)
     };
-    let angle = if planar { angle * direction.cos() } else { angle };
+    let angle = if beside.is_some() { angle * direction.cos() } else { angle };
     (nalgebra::Rotation3::from_axis_angle(&axis, angle) * n).into()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_surface_tilts_within_what_the_arm_moves_along() {
+        let (normal, angle) = ([0.0, 0.8, 0.6], 0.1);
+        for direction in [0.0, 1.0, 2.5] {
+            let in_the_plane = tilted(normal, angle, direction, &[1, 2]);
+            assert!(in_the_plane[0].abs() < 1e-15, "{in_the_plane:?}");
+            let turned: f64 = in_the_plane.iter().zip(normal).map(|(a, b)| a * b).sum();
+            assert!((turned.acos() - angle * direction.cos().abs()).abs() < 1e-9);
+            assert_eq!(tilted([0.0, 0.0, 1.0], angle, direction, &[2]), [0.0, 0.0, 1.0]);
+            let anywhere = tilted(normal, angle, direction, &[0, 1, 2]);
+            assert!((anywhere.iter().zip(normal).map(|(a, b)| a * b).sum::<f64>().acos() - angle).abs() < 1e-9);
+        }
+    }
 
     #[test]
     fn the_tool_alone_is_heavier_where_nothing_else_differs() {
@@ -209,11 +228,11 @@ mod tests {
     #[test]
     fn a_tilt_keeps_length_and_angle() {
         for (normal, direction) in [([0.0, 0.0, 1.0], 0.3), ([0.6, 0.0, 0.8], 4.0), ([1.0, 0.0, 0.0], 2.0)] {
-            let turned = nalgebra::Vector3::from(tilted(normal, 0.01, direction, false));
+            let turned = nalgebra::Vector3::from(tilted(normal, 0.01, direction, &[0, 1, 2]));
             assert!((turned.norm() - 1.0).abs() < 1e-12);
             assert!((turned.angle(&nalgebra::Vector3::from(normal)) - 0.01).abs() < 1e-9);
         }
-        let turned = tilted([0.0, 1.0, 0.0], 0.01, 0.0, true);
+        let turned = tilted([0.0, 1.0, 0.0], 0.01, 0.0, &[0, 1]);
         assert!(turned[2] == 0.0 && (turned[0] + 0.01f64.sin()).abs() < 1e-12, "{turned:?}");
     }
 }

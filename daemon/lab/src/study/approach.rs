@@ -1,8 +1,9 @@
 //! The approach to the paper's surface (docs/design.md, "A faster cycle buys speed"), by a
 //! simulation of its own: the state at the first active sample.
 
-use super::arm::{Arm, dot, lag};
+use super::arm::{Arm, PlanarTwo, dot, lag};
 use super::attainable::Contact;
+use super::draw::Draw;
 
 const STIFFNESS_N_M: f64 = 1e5;
 const THRESHOLD_N: f64 = 5.0;
@@ -20,14 +21,15 @@ pub(super) fn worst_instant(sampling_time_s: f64, speed_m_s: f64) -> Contact {
 /// The same among this many instants, evenly spread over a sample.
 pub(super) fn worst_of(instants: u32, sampling_time_s: f64, speed_m_s: f64) -> Contact {
     let contacts = (0..instants).map(|i| contact(sampling_time_s, speed_m_s, f64::from(i) / f64::from(instants)));
-    let depth = |contact: &Contact| contact.penetration_m(contact.joint_position_rad);
+    let depth = |contact: &Contact| contact.penetration_m(&contact.joint_position);
     contacts.max_by(|a, b| depth(a).total_cmp(&depth(b))).expect("there are instants")
 }
 
 fn contact(sampling_time_s: f64, speed_m_s: f64, phase: f64) -> Contact {
-    let arm = Arm { links_m: [1.0, 1.0] };
+    let arm = Arm::PlanarTwo(PlanarTwo { links_m: [1.0, 1.0] });
+    let Draw { task, .. } = Draw::of_the_paper(sampling_time_s, speed_m_s, phase);
     let (sine, cosine) = 25f64.to_radians().sin_cos();
-    let (normal, point, twist) = ([sine, cosine], [1.32, 0.68], [0.0, -speed_m_s]);
+    let (normal, point, twist) = ([sine, cosine, 0.0], [1.32, 0.68, 0.0], [0.0, -speed_m_s]);
     // At full speed some samples above the point, elbow below zero; the lags have settled.
     let height = (4.0 * 0.004 + phase * sampling_time_s) * speed_m_s;
     let (x, y) = (point[0], point[1] + height);
@@ -35,19 +37,19 @@ fn contact(sampling_time_s: f64, speed_m_s: f64, phase: f64) -> Contact {
     let q2 = -((square - 2.0) / 2.0).acos();
     let q1 = y.atan2(x) - q2.sin().atan2(1.0 + q2.cos());
     let mut q = [q1, q2];
-    let mut velocity = arm.joint_velocity(q, twist);
+    let mut velocity = arm.joint_velocity(&q, &[0, 1], &twist);
     let mut estimate = [0.0_f64; 2];
     let substeps = (sampling_time_s / SUBSTEP_S).round() as u32;
     while estimate.iter().all(|force| force.abs() <= THRESHOLD_N) {
-        let reference = arm.joint_velocity(q, twist);
+        let reference = arm.joint_velocity(&q, &[0, 1], &twist);
         for _ in 0..substeps {
             for joint in 0..2 {
                 let (moved, next) = lag(VELOCITY_TIME_CONSTANT_S[joint], velocity[joint], reference[joint], SUBSTEP_S);
                 q[joint] += moved;
                 velocity[joint] = next;
             }
-            let tcp = arm.tcp(q);
-            let depth = dot(normal, [point[0] - tcp[0], point[1] - tcp[1]]).max(0.0);
+            let tcp = arm.tcp(&q);
+            let depth = dot(normal, std::array::from_fn(|axis| point[axis] - tcp[axis])).max(0.0);
             for axis in 0..2 {
                 let force = -normal[axis] * STIFFNESS_N_M * depth;
                 estimate[axis] += (force - estimate[axis]) * (SUBSTEP_S / WRENCH_TIME_CONSTANT_S);
@@ -56,14 +58,17 @@ fn contact(sampling_time_s: f64, speed_m_s: f64, phase: f64) -> Contact {
     }
     Contact {
         arm,
-        velocity_time_constant_s: VELOCITY_TIME_CONSTANT_S,
-        joint_speed_bounds_rad_s: [(-JOINT_SPEED_RAD_S, JOINT_SPEED_RAD_S); 2],
+        task,
+        twist: twist.to_vec(),
+        velocity_time_constant_s: VELOCITY_TIME_CONSTANT_S.to_vec(),
+        joint_speed_bounds: vec![(-JOINT_SPEED_RAD_S, JOINT_SPEED_RAD_S); 2],
         normal,
         surface_point_m: point,
         stiffness_n_m: STIFFNESS_N_M,
-        joint_position_rad: q,
-        joint_velocity_rad_s: velocity,
-        pending_rad_s: Vec::new(),
+        limit_n: f64::INFINITY,
+        joint_position: q.to_vec(),
+        joint_velocity: velocity,
+        pending: Vec::new(),
         sampling_time_s,
     }
 }

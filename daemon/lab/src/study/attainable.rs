@@ -4,6 +4,7 @@
 
 use super::arm::{Arm, dot, lag};
 use super::ocp::{self, Stage};
+use super::task::{Frame, Task};
 
 /// How long the force must keep the limit, in s.
 pub(crate) const DURATION_S: f64 = 0.1;
@@ -25,32 +26,38 @@ const NO_TIME_S: f64 = 1e-12;
 pub(crate) struct Contact {
     /// The arm.
     pub(crate) arm: Arm,
+    /// What it is asked for, and ṗ0 in m/s and rad/s.
+    pub(crate) task: Task,
+    pub(crate) twist: Vec<f64>,
     /// T_V per joint in s.
-    pub(crate) velocity_time_constant_s: [f64; 2],
-    /// Least and largest speed reference of each joint in rad/s.
-    pub(crate) joint_speed_bounds_rad_s: [(f64, f64); 2],
+    pub(crate) velocity_time_constant_s: Vec<f64>,
+    /// Least and largest speed reference of each joint in rad/s or m/s.
+    pub(crate) joint_speed_bounds: Vec<(f64, f64)>,
     /// Outward unit normal of the surface.
-    pub(crate) normal: [f64; 2],
+    pub(crate) normal: [f64; 3],
     /// A point of the undeformed surface in m.
-    pub(crate) surface_point_m: [f64; 2],
+    pub(crate) surface_point_m: [f64; 3],
     /// Stiffness along the normal in N/m.
     pub(crate) stiffness_n_m: f64,
-    /// Joint position in rad and velocity in rad/s at the sample.
-    pub(crate) joint_position_rad: [f64; 2],
-    pub(crate) joint_velocity_rad_s: [f64; 2],
-    /// Speed references in rad/s that are already on their way, one for each cycle of delay.
-    pub(crate) pending_rad_s: Vec<[f64; 2]>,
+    /// The normal force in N that forces are held against: where the frame turns and another force is the
+    /// first that brings a direction to its limit, they count as so much more or less.
+    pub(crate) limit_n: f64,
+    /// Joint position in rad or m, and velocity, at the sample.
+    pub(crate) joint_position: Vec<f64>,
+    pub(crate) joint_velocity: Vec<f64>,
+    /// Speed references that are already on their way, one for each cycle of delay.
+    pub(crate) pending: Vec<Vec<f64>>,
     /// T_s in s: how long each input is held.
     pub(crate) sampling_time_s: f64,
 }
 
 /// Joint speed references held for a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Input {
     /// How long, in s.
     pub(crate) duration_s: f64,
-    /// Reference of each joint in rad/s.
-    pub(crate) reference_rad_s: [f64; 2],
+    /// Reference of each joint in rad/s or m/s.
+    pub(crate) reference: Vec<f64>,
 }
 
 /// The answer.
@@ -64,10 +71,10 @@ pub(crate) struct Attainable {
     pub(crate) inputs: Vec<Input>,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct JointState {
-    pub(super) position: [f64; 2],
-    pub(super) velocity: [f64; 2],
+    pub(super) position: Vec<f64>,
+    pub(super) velocity: Vec<f64>,
 }
 
 impl Contact {
@@ -89,15 +96,16 @@ impl Contact {
 
     fn solve(&self, passes: usize, keeps_contact: bool) -> Result<Attainable, String> {
         let pending: Vec<Input> = self
-            .pending_rad_s
+            .pending
             .iter()
-            .map(|reference| Input { duration_s: self.sampling_time_s, reference_rad_s: *reference })
+            .map(|reference| Input { duration_s: self.sampling_time_s, reference: reference.clone() })
             .collect();
         let (start, peak_before_n) = self.apply(self.start(), &pending);
         let lengths = self.input_lengths();
         // About the first pose: an arm that stays where it is.
+        let none = vec![0.0; self.arm.joints()];
         let mut around: Vec<Stage> =
-            lengths.iter().map(|length| Stage { duration_s: *length, state: None, reference: [0.0; 2] }).collect();
+            lengths.iter().map(|length| Stage { duration_s: *length, state: None, reference: none.clone() }).collect();
         let mut best: Option<Attainable> = None;
         let mut optimum_before = f64::INFINITY;
         for _ in 0..passes {
@@ -106,16 +114,17 @@ impl Contact {
                 .references
                 .iter()
                 .zip(&lengths)
-                .map(|(reference, length)| Input { duration_s: *length, reference_rad_s: *reference })
+                .map(|(reference, length)| Input { duration_s: *length, reference: reference.clone() })
                 .collect();
-            around = self.stages(start, &inputs);
-            let peak_n = self.apply(start, &inputs).1.max(peak_before_n);
+            let inputs = self.as_commanded(&start, inputs);
+            around = self.stages(start.clone(), &inputs);
+            let peak_n = self.apply(start.clone(), &inputs).1.max(peak_before_n);
             let optimum_n = solution.optimum_n;
             let converged = (optimum_n - optimum_before).abs() <= SAME_OPTIMUM * optimum_n.abs();
             optimum_before = optimum_n;
             // Any inputs that were tried are attainable; the optimum is that of the linearisation
             // that knows most.
-            let inputs = pending.iter().copied().chain(inputs).collect();
+            let inputs = pending.iter().cloned().chain(inputs).collect();
             best = Some(match best {
                 Some(best) if best.peak_n <= peak_n => Attainable { optimum_n, ..best },
                 _ => Attainable { optimum_n, peak_n, inputs },
@@ -127,27 +136,50 @@ impl Contact {
         best.ok_or_else(|| "no pass".to_owned())
     }
 
-    /// The same contact when the command is `twist_m_s` until the first input acts: in each of so
-    /// many cycles of delay the reference is J⁻¹(q) of it at the cycle's start.
-    pub(crate) fn after_delay(mut self, cycles: u32, twist_m_s: [f64; 2]) -> Self {
+    /// The same contact when the command is ṗ0 until the first input acts: in each of so many cycles of
+    /// delay the reference is J⁻¹(q) of it at the cycle's start.
+    pub(crate) fn after_delay(mut self, cycles: u32) -> Self {
         let mut state = self.start();
         for _ in 0..cycles {
-            let reference = self.arm.joint_velocity(state.position, twist_m_s);
-            state = self.advance(&state, reference, self.sampling_time_s);
-            self.pending_rad_s.push(reference);
+            let reference = self.arm.joint_velocity(&state.position, &self.task.controlled, &self.twist);
+            state = self.advance(&state, &reference, self.sampling_time_s);
+            self.pending.push(reference);
         }
         self
     }
 
     fn start(&self) -> JointState {
-        JointState { position: self.joint_position_rad, velocity: self.joint_velocity_rad_s }
+        JointState { position: self.joint_position.clone(), velocity: self.joint_velocity.clone() }
+    }
+
+    /// Inputs as offsets ask for them where the arm then is; those of the programme are so where it
+    /// was taken to be.
+    fn as_commanded(&self, start: &JointState, mut inputs: Vec<Input>) -> Vec<Input> {
+        if self.task.is_free(&self.arm) {
+            return inputs;
+        }
+        let mut state = start.clone();
+        for input in &mut inputs {
+            input.reference =
+                self.task.commanded(&self.arm, &state.position, self.normal, &self.twist, &input.reference);
+            state = self.advance(&state, &input.reference, input.duration_s);
+        }
+        inputs
+    }
+
+    /// How much a force counts in a pose.
+    pub(super) fn weight(&self, q: &[f64]) -> f64 {
+        match self.task.frame {
+            Frame::Base | Frame::Rpy(_) | Frame::Surface => 1.0,
+            Frame::Tool => self.limit_n / self.task.normal_force_limit_n(&self.arm, q, self.normal),
+        }
     }
 
     /// Lengths in s of the inputs from the end of the delay to the end of the horizon.
     fn input_lengths(&self) -> Vec<f64> {
         let cycle = self.sampling_time_s;
         let coarse = cycle * (COARSE_INPUT_S / cycle).round().max(1.0);
-        let mut at = cycle * self.pending_rad_s.len() as f64;
+        let mut at = cycle * self.pending.len() as f64;
         let mut lengths = Vec::new();
         while at < DURATION_S - NO_TIME_S {
             let length = if at < FINE_INPUTS_S - NO_TIME_S { cycle } else { coarse };
@@ -158,17 +190,17 @@ impl Contact {
     }
 
     /// Depth in m of the TCP below the undeformed surface; negative is a gap.
-    pub(super) fn penetration_m(&self, q: [f64; 2]) -> f64 {
+    pub(super) fn penetration_m(&self, q: &[f64]) -> f64 {
         let tcp = self.arm.tcp(q);
-        dot(self.normal, [self.surface_point_m[0] - tcp[0], self.surface_point_m[1] - tcp[1]])
+        dot(self.normal, std::array::from_fn(|axis| self.surface_point_m[axis] - tcp[axis]))
     }
 
     /// The state after `time_s` of a constant reference.
-    pub(super) fn advance(&self, state: &JointState, reference: [f64; 2], time_s: f64) -> JointState {
-        let mut next = *state;
-        for (joint, reference) in reference.into_iter().enumerate() {
+    pub(super) fn advance(&self, state: &JointState, reference: &[f64], time_s: f64) -> JointState {
+        let mut next = state.clone();
+        for (joint, reference) in reference.iter().enumerate() {
             let time_constant = self.velocity_time_constant_s[joint];
-            let (moved, velocity) = lag(time_constant, state.velocity[joint], reference, time_s);
+            let (moved, velocity) = lag(time_constant, state.velocity[joint], *reference, time_s);
             next.position[joint] += moved;
             next.velocity[joint] = velocity;
         }
@@ -177,34 +209,41 @@ impl Contact {
 
     /// Where the inputs lead, and the largest normal force in N on the way, both ends included.
     fn apply(&self, mut state: JointState, inputs: &[Input]) -> (JointState, f64) {
-        let force = |q| (self.stiffness_n_m * self.penetration_m(q)).max(0.0);
-        let mut peak = force(state.position);
+        let force = |q: &[f64]| {
+            let depth = self.penetration_m(q);
+            if depth > 0.0 { self.stiffness_n_m * depth * self.weight(q) } else { 0.0 }
+        };
+        let mut peak = force(&state.position);
         for input in inputs {
             let steps = (input.duration_s / CONFIRMATION_GRID_S - 1e-9).ceil().max(1.0) as u32;
-            let start = state;
+            let start = state.clone();
             for step in 1..=steps {
                 let time = input.duration_s * f64::from(step) / f64::from(steps);
-                state = self.advance(&start, input.reference_rad_s, time);
-                peak = peak.max(force(state.position));
+                state = self.advance(&start, &input.reference, time);
+                peak = peak.max(force(&state.position));
             }
         }
         (state, peak)
+    }
+
+    /// Every joint outward, as seen from a pose, at full speed.
+    #[cfg(test)]
+    fn full_speed_outward(&self, q: &[f64]) -> Vec<f64> {
+        let lever = self.arm.lever(q, self.normal);
+        let outward = |(lever, (least, most)): (&f64, &(f64, f64))| if *lever > 0.0 { *most } else { *least };
+        lever.iter().zip(&self.joint_speed_bounds).map(outward).collect()
     }
 
     /// Peak in N on the nonlinear arm when every joint goes outward, as seen from the start, at
     /// full speed.
     #[cfg(test)]
     pub(super) fn peak_of_full_speed_outward_n(&self) -> f64 {
-        let lever = self.arm.lever_m(self.joint_position_rad, self.normal);
-        let outward = std::array::from_fn(|joint| {
-            let (least, most) = self.joint_speed_bounds_rad_s[joint];
-            if lever[joint] > 0.0 { most } else { least }
-        });
-        let input = |reference_rad_s| Input { duration_s: self.sampling_time_s, reference_rad_s };
-        let pending = self.pending_rad_s.iter().map(|reference| input(*reference));
+        let outward = self.full_speed_outward(&self.joint_position);
+        let input = |reference: &Vec<f64>| Input { duration_s: self.sampling_time_s, reference: reference.clone() };
         // Until the peak is past; if it went on the arm would come round again.
         let cycles = (0.06 / self.sampling_time_s) as usize;
-        let inputs: Vec<Input> = pending.chain(std::iter::repeat_n(input(outward), cycles)).collect();
+        let inputs: Vec<Input> =
+            self.pending.iter().map(input).chain(std::iter::repeat_n(input(&outward), cycles)).collect();
         self.apply(self.start(), &inputs).1
     }
 
@@ -212,9 +251,9 @@ impl Contact {
     fn stages(&self, start: JointState, inputs: &[Input]) -> Vec<Stage> {
         let mut state = start;
         let stage = |input: &Input| {
-            let stage = Stage { duration_s: input.duration_s, state: Some(state), reference: input.reference_rad_s };
-            state = self.advance(&state, input.reference_rad_s, input.duration_s);
-            stage
+            let next = self.advance(&state, &input.reference, input.duration_s);
+            let state = Some(std::mem::replace(&mut state, next));
+            Stage { duration_s: input.duration_s, state, reference: input.reference.clone() }
         };
         inputs.iter().map(stage).collect()
     }
@@ -223,24 +262,29 @@ impl Contact {
 #[cfg(test)]
 mod tests {
     use super::super::approach::{worst_instant, worst_of};
+    use super::super::arm::PlanarTwo;
+    use super::super::draw::Draw;
     use super::*;
 
     fn contact(bounds: [(f64, f64); 2]) -> Contact {
-        let arm = Arm { links_m: [1.0, 1.0] };
+        let draw = Draw::of_the_paper(0.001, 0.4, 0.0);
+        let arm = Arm::PlanarTwo(PlanarTwo { links_m: [1.0, 1.0] });
         let q = [1.217, -1.471];
-        let (sine, cosine) = 25f64.to_radians().sin_cos();
-        let tcp = arm.tcp(q);
-        let approach = arm.joint_velocity(q, [0.0, -0.4]);
+        let (normal, tcp) = (draw.normal(), arm.tcp(&q));
+        let approach = arm.joint_velocity(&q, &[0, 1], &[0.0, -0.4]);
         Contact {
             arm,
-            velocity_time_constant_s: [0.015, 0.010],
-            joint_speed_bounds_rad_s: bounds,
-            normal: [sine, cosine],
-            surface_point_m: [tcp[0] + 0.0006 * sine, tcp[1] + 0.0006 * cosine],
+            task: draw.task,
+            twist: vec![0.0, -0.4],
+            velocity_time_constant_s: vec![0.015, 0.010],
+            joint_speed_bounds: bounds.to_vec(),
+            normal,
+            surface_point_m: std::array::from_fn(|axis| tcp[axis] + 0.0006 * normal[axis]),
             stiffness_n_m: 1e5,
-            joint_position_rad: q,
-            joint_velocity_rad_s: approach,
-            pending_rad_s: vec![approach],
+            limit_n: 200.0,
+            joint_position: q.to_vec(),
+            joint_velocity: approach.clone(),
+            pending: vec![approach],
             sampling_time_s: 0.001,
         }
     }
@@ -248,20 +292,18 @@ mod tests {
     /// Every joint outward at full speed at once: the optimum of the problem that is linearised
     /// about the first pose.
     fn closed_form_n(contact: &Contact) -> f64 {
-        let delay = contact.sampling_time_s * contact.pending_rad_s.len() as f64;
+        let delay = contact.sampling_time_s * contact.pending.len() as f64;
         let mut start = contact.start();
-        for reference in &contact.pending_rad_s {
-            start = contact.advance(&start, *reference, contact.sampling_time_s);
+        for reference in &contact.pending {
+            start = contact.advance(&start, reference, contact.sampling_time_s);
         }
-        let lever = contact.arm.lever_m(start.position, contact.normal);
-        let outward: [f64; 2] = std::array::from_fn(|joint| {
-            let (least, most) = contact.joint_speed_bounds_rad_s[joint];
-            if lever[joint] > 0.0 { most } else { least }
-        });
+        let lever = contact.arm.lever(&start.position, contact.normal);
+        let outward = contact.full_speed_outward(&start.position);
         let depth = |time: f64| {
-            let q = contact.advance(&start, outward, time).position;
-            let moved = std::array::from_fn(|joint| q[joint] - start.position[joint]);
-            contact.penetration_m(start.position) - dot(lever, moved)
+            let q = contact.advance(&start, &outward, time).position;
+            let moved = q.iter().zip(&start.position).map(|(q, start)| q - start);
+            let out: f64 = lever.iter().zip(moved).map(|(lever, moved)| lever * moved).sum();
+            contact.penetration_m(&start.position) - out
         };
         let instants = ((DURATION_S - delay) / ocp::GRID_S).round() as u32;
         let deepest = (0..=instants).map(|i| depth(f64::from(i) * ocp::GRID_S)).fold(f64::NEG_INFINITY, f64::max);
@@ -281,7 +323,7 @@ mod tests {
     #[test]
     fn a_bound_that_holds_one_joint_back_costs_force() {
         let free = contact([(-3.0, 3.0); 2]).lowest_peak().unwrap();
-        let lever = contact([(-3.0, 3.0); 2]).arm.lever_m([1.217, -1.471], contact([(-3.0, 3.0); 2]).normal);
+        let lever = contact([(-3.0, 3.0); 2]).arm.lever(&[1.217, -1.471], contact([(-3.0, 3.0); 2]).normal);
         // Only the bound on the outward side of a joint matters.
         let outward = |most: f64| if lever[0] > 0.0 { (-3.0, most) } else { (-most, 3.0) };
         let inward = |most: f64| if lever[0] > 0.0 { (-most, 3.0) } else { (-3.0, most) };
@@ -298,7 +340,7 @@ mod tests {
             let answer = Contact { sampling_time_s, ..contact([(-3.0, 3.0); 2]) }.lowest_peak().unwrap();
             let total: f64 = answer.inputs.iter().map(|input| input.duration_s).sum();
             assert!((total - DURATION_S).abs() < 1e-9, "{total}");
-            let references = answer.inputs.iter().flat_map(|input| input.reference_rad_s);
+            let references = answer.inputs.iter().flat_map(|input| input.reference.clone());
             assert!(references.skip(2).all(|reference| reference.abs() <= 3.0));
             assert!((answer.peak_n / answer.optimum_n - 1.0).abs() < 1e-3, "{} {}", answer.peak_n, answer.optimum_n);
         }

@@ -10,19 +10,21 @@ use plant_sim::scenario::Scenario;
 
 use super::attainable::Contact;
 use super::draw::{ACTIVATION_THRESHOLD_N, Draw};
+use super::task::Frame;
 
 /// The first active sample: the first whose wrench estimate exceeds β on an axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FirstActive {
-    /// Joint position in rad.
-    pub(crate) joint_position_rad: [f64; 2],
-    /// Joint velocity in rad/s.
-    pub(crate) joint_velocity_rad_s: [f64; 2],
+    /// Joint position in rad or m.
+    pub(crate) joint_position: Vec<f64>,
+    /// Joint velocity in rad/s or m/s.
+    pub(crate) joint_velocity: Vec<f64>,
     /// True normal force at its instant in N.
     pub(crate) normal_force_n: f64,
 }
 
-/// What one run showed. Forces are true normal forces in N, seen at every step of the plant.
+/// What one run showed. Forces are true normal forces in N, seen at every step of the plant; in a frame that
+/// turns, weighted as the judge weights them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Seen {
     /// `None`: no sample was active.
@@ -64,22 +66,29 @@ impl Seen {
 ///
 /// # Errors
 /// What controller or plant do not accept.
-pub(crate) fn run(config: &Config, scenario: &Scenario) -> Result<Seen, String> {
+pub(crate) fn run(draw: &Draw, config: &Config, scenario: &Scenario) -> Result<Seen, String> {
+    let (arm, task, normal) = (&draw.arm, &draw.task, draw.normal());
+    let limit_n = draw.normal_force_limit_n();
+    let weight = |position: &[f64]| match task.frame {
+        Frame::Base | Frame::Rpy(_) | Frame::Surface => 1.0,
+        Frame::Tool => limit_n / task.normal_force_limit_n(arm, position, normal),
+    };
     let mut seen = Seen::default();
     let (mut losses_before, mut last_verdict) = (0, Verdict::None.code());
     let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
     while let Some(Step { state, command, truth, .. }) = run.step()? {
-        let active = state.wrench.iter().any(|force| force.abs() > ACTIVATION_THRESHOLD_N);
-        if active && seen.first_active.is_none() {
-            seen.first_active = Some(first_active(&state.joint_position, &state.joint_velocity, &truth));
+        let position = &state.joint_position[..arm.joints()];
+        if seen.first_active.is_none() && is_active(draw, position, &state.wrench) {
+            let first = first_active(arm.joints(), &state.joint_position, &state.joint_velocity, &truth);
+            seen.peak_n = truth.normal_force_n * weight(position);
             losses_before = truth.contact_losses;
-            seen.peak_n = truth.normal_force_n;
+            seen.first_active = Some(FirstActive { normal_force_n: seen.peak_n, ..first });
         } else if seen.first_active.is_some() {
             // The truth's peak is that since the sample before: of the cycle whose verdict was the
             // last one.
-            seen.peak_n = seen.peak_n.max(truth.peak_normal_force_n);
-            let peak = truth.peak_normal_force_n;
+            let peak = truth.peak_normal_force_n * weight(position);
+            seen.peak_n = seen.peak_n.max(peak);
             if last_verdict == Verdict::Feasible.code() {
                 seen.peak_while_feasible_n = seen.peak_while_feasible_n.max(peak);
             } else if last_verdict == Verdict::None.code() {
@@ -89,7 +98,7 @@ pub(crate) fn run(config: &Config, scenario: &Scenario) -> Result<Seen, String> 
         if seen.first_active.is_some() {
             seen.samples_in_contact += u32::from(truth.in_contact == 1);
             seen.contact_losses = truth.contact_losses - losses_before;
-            seen.resting_force_n = truth.normal_force_n;
+            seen.resting_force_n = truth.normal_force_n * weight(position);
         }
         last_verdict = command.verdict;
         if last_verdict != Verdict::None.code() {
@@ -101,31 +110,39 @@ pub(crate) fn run(config: &Config, scenario: &Scenario) -> Result<Seen, String> 
     Ok(seen)
 }
 
-pub(crate) fn first_active(position: &[f64], velocity: &[f64], truth: &TruthSample) -> FirstActive {
+/// Whether a wrench (base frame) is above β along a direction that gives way.
+fn is_active(draw: &Draw, position: &[f64], wrench: &[f64]) -> bool {
+    let force = draw.task.seen(&draw.arm, position, draw.normal(), [wrench[0], wrench[1], wrench[2]]);
+    force.iter().zip(&draw.task.gives_way).any(|(force, gives)| *gives && force.abs() > ACTIVATION_THRESHOLD_N)
+}
+
+pub(crate) fn first_active(joints: usize, position: &[f64], velocity: &[f64], truth: &TruthSample) -> FirstActive {
     FirstActive {
-        joint_position_rad: [position[0], position[1]],
-        joint_velocity_rad_s: [velocity[0], velocity[1]],
+        joint_position: position[..joints].to_vec(),
+        joint_velocity: velocity[..joints].to_vec(),
         normal_force_n: truth.normal_force_n,
     }
 }
 
 /// The contact from its first active sample on, as the judge sees it.
 pub(crate) fn contact(draw: &Draw, first: &FirstActive) -> Contact {
-    let limit = draw.joint_speed_limit_rad_s;
     Contact {
-        arm: draw.arm,
-        velocity_time_constant_s: draw.velocity_time_constant_s,
-        joint_speed_bounds_rad_s: [(-limit, limit); 2],
+        arm: draw.arm.clone(),
+        task: draw.task.clone(),
+        twist: draw.twist(),
+        velocity_time_constant_s: draw.velocity_time_constant_s.clone(),
+        joint_speed_bounds: draw.joint_speed_limit.iter().map(|limit| (-limit, *limit)).collect(),
         normal: draw.normal(),
         surface_point_m: draw.contact_point_m(),
         stiffness_n_m: draw.stiffness_n_m,
-        joint_position_rad: first.joint_position_rad,
-        joint_velocity_rad_s: first.joint_velocity_rad_s,
-        pending_rad_s: Vec::new(),
+        limit_n: draw.normal_force_limit_n(),
+        joint_position: first.joint_position.clone(),
+        joint_velocity: first.joint_velocity.clone(),
+        pending: Vec::new(),
         sampling_time_s: draw.sampling_time_s,
     }
     // No offset before the first active sample: what is on its way is the command.
-    .after_delay(draw.delay_cycles, draw.twist_m_s())
+    .after_delay(draw.delay_cycles)
 }
 
 #[cfg(test)]
@@ -134,9 +151,10 @@ mod tests {
     use ipc_types::{CommandSample, Motion, VirtualPlant};
     use plant_sim::run::VirtualRun;
 
-    use super::super::arm::dot;
+    use super::super::arm::product;
     use super::super::attainable::{DURATION_S, JointState};
     use super::super::controller::{Profile, Variant, controller, scenario};
+    use super::super::draw::AnyArm;
     use super::*;
 
     /// Lets the controller work until the first active sample and plays the judge's inputs from
@@ -145,44 +163,46 @@ mod tests {
         let mut cycle = cycle::build(&controller(draw, Profile::Default, Variant::Nominal).unwrap()).unwrap();
         let mut plant = VirtualRun::new(&scenario(draw).unwrap()).unwrap();
         let mut command = CommandSample::zeroed();
-        let mut plan: Option<(Contact, Vec<JointState>, Vec<[f64; 2]>)> = None;
+        let mut plan: Option<(Contact, Vec<JointState>, Vec<Vec<f64>>)> = None;
         let (mut judge_n, mut peak_n, mut since) = (0.0, 0.0_f64, 0);
         let cycles = (DURATION_S / draw.sampling_time_s).round() as usize;
         while since < cycles {
             let state = *plant.sample().unwrap();
             cycle.answer(&state, Instant::from_nanoseconds(state.stamp_ns), &mut || false, &mut command);
             command.sequence += 1;
-            let starts = plan.is_none() && state.wrench.iter().any(|force| force.abs() > ACTIVATION_THRESHOLD_N);
+            let position = &state.joint_position[..draw.arm.joints()];
+            let starts = plan.is_none() && is_active(draw, position, &state.wrench);
             if starts {
-                let first = first_active(&state.joint_position, &state.joint_velocity, &TruthSample::zeroed());
+                let joints = draw.arm.joints();
+                let first = first_active(joints, position, &state.joint_velocity, &TruthSample::zeroed());
                 let contact = contact(draw, &first);
                 let answer = contact.lowest_peak().unwrap();
                 judge_n = answer.peak_n;
                 // One reference for each cycle from the sample on, and the state at its start.
-                let references: Vec<[f64; 2]> = answer
+                let references: Vec<Vec<f64>> = answer
                     .inputs
                     .iter()
                     .flat_map(|input| {
                         let cycles = (input.duration_s / draw.sampling_time_s).round() as usize;
-                        std::iter::repeat_n(input.reference_rad_s, cycles)
+                        std::iter::repeat_n(input.reference.clone(), cycles)
                     })
                     .collect();
-                let mut at = JointState { position: first.joint_position_rad, velocity: first.joint_velocity_rad_s };
+                let mut at = JointState { position: first.joint_position, velocity: first.joint_velocity };
                 let mut states = Vec::new();
                 for reference in &references {
-                    states.push(at);
-                    at = contact.advance(&at, *reference, draw.sampling_time_s);
+                    let next = contact.advance(&at, reference, draw.sampling_time_s);
+                    states.push(std::mem::replace(&mut at, next));
                 }
                 plan = Some((contact, states, references));
             }
             if let Some((contact, states, references)) = &plan {
                 // The command for this sample acts after the delay, at the pose of then.
                 let acts = (since + draw.delay_cycles as usize).min(references.len() - 1);
-                let twist = [[1.0, 0.0], [0.0, 1.0]]
-                    .map(|axis| dot(contact.arm.lever_m(states[acts].position, axis), references[acts]));
+                let jacobian = contact.arm.jacobian(&states[acts].position);
+                let twist: Vec<f64> = jacobian.iter().map(|row| product(row, &references[acts])).collect();
                 command.motion = Motion::Offset.code();
                 command.velocity_offset = [0.0; 6];
-                for (axis, commanded) in draw.twist_m_s().into_iter().enumerate() {
+                for (axis, commanded) in draw.twist().into_iter().enumerate() {
                     command.velocity_offset[axis] = twist[axis] - commanded;
                 }
                 command.plan_length = 1;
@@ -198,6 +218,15 @@ mod tests {
             }
         }
         (judge_n, peak_n)
+    }
+
+    #[test]
+    fn the_plant_confirms_the_judge_of_any_arm() {
+        for index in 0..32 {
+            let AnyArm { name, draw } = AnyArm::new(9, index).unwrap();
+            let (judge, plant) = judge_and_plant(&draw);
+            assert!((plant / judge - 1.0).abs() < 2e-3, "case {index}, {name}: judge {judge} N, plant {plant} N");
+        }
     }
 
     #[test]

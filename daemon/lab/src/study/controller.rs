@@ -1,12 +1,18 @@
 //! Configuration and scenario for the controller and the plant of a case, as texts that pass the
 //! usual checks.
 
+use std::fmt::Write as _;
+
+use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::config::parse;
 use admittance_runner::config::Config;
+use nalgebra::Rotation3;
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
+use super::arm::{Arm, Joint, Kind, PlanarTwo};
 use super::draw::{ACTIVATION_THRESHOLD_N, AFTER_CONTACT_S, APPROACH_S, Draw};
+use super::task::Frame;
 
 /// Time at rest before the motion, in s.
 const SETTLE_S: f64 = 0.02;
@@ -14,6 +20,9 @@ const SETTLE_S: f64 = 0.02;
 const SUBSTEP_S: f64 = 25e-6;
 /// Offset limits in m/s that never bind: joint speeds are what is limited.
 const OFFSET_LIMIT_M_S: f64 = 20.0;
+/// β of torques, in N m.
+const ACTIVATION_THRESHOLD_N_M: f64 = 1.0;
+const LEAST_CONDITION: f64 = 0.001;
 
 /// What the controller believes about the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,36 +92,46 @@ pub(crate) fn controller(draw: &Draw, profile: Profile, variant: Variant) -> Res
 /// The configuration as text. The one place where the controller's options are chosen.
 pub(crate) fn controller_text(draw: &Draw, profile: Profile, variant: Variant) -> String {
     let (out_m, factor) = variant.belief();
-    let [normal_x, normal_y] = draw.normal();
-    let [x, y] = draw.contact_point_m();
+    let (normal, point) = (draw.normal(), draw.contact_point_m());
     let sampling_time = draw.sampling_time_s;
+    // Of x y z, and of rx ry rz where the arm has them.
+    let axes = draw.arm.task_axes();
+    let of_axes = |linear: f64, turning: f64| -> Vec<f64> {
+        (0..axes).map(|axis| if axis < 3 { linear } else { turning }).collect()
+    };
     let minimum_force = match profile {
-        Profile::Default => draw.minimum_force_n,
-        Profile::Paper => [0.0; 2],
+        Profile::Default => draw.minimum_force.clone(),
+        Profile::Paper => of_axes(0.0, 0.0),
     };
     let release_threshold = match profile {
-        Profile::Default => draw.release_threshold_n,
-        Profile::Paper => [ACTIVATION_THRESHOLD_N; 2],
+        Profile::Default => draw.release_threshold.clone(),
+        Profile::Paper => of_axes(ACTIVATION_THRESHOLD_N, ACTIVATION_THRESHOLD_N_M),
     };
     let (contact, mpc) = match profile {
         Profile::Default => (
             "",
-            "position_weight = [0.0, 0.0]\nvelocity_weight = [1000.0, 1000.0]\nwrench_weight = [1e-4, 1e-4]\n\
-             input_weight = [10.0, 10.0]",
+            format!(
+                "position_weight = {:?}\nvelocity_weight = {:?}\nwrench_weight = {}\ninput_weight = {:?}",
+                of_axes(0.0, 0.0),
+                of_axes(1000.0, 100.0),
+                format!("{:?}", vec!["1e-4"; axes]).replace('"', ""),
+                of_axes(10.0, 1.0),
+            ),
         ),
         Profile::Paper => (
             "sign = \"wrench\"\nlower_bound = \"always\"\nlimit_tolerance = 0.0\n",
             "discretization = \"euler\"\nhorizon = 5\nforce_points = \"step_ends\"\nmodel_delay = false\n\
              inputs = \"active\"\nweights = \"joint\"\nposition_weight = [1000.0, 1000.0]\n\
              velocity_weight = [1000.0, 1000.0]\nwrench_weight = [0.001, 0.001]\ninput_weight = [10.0, 10.0]\n\
-             on_infeasible = \"halt\"",
+             on_infeasible = \"halt\""
+                .to_owned(),
         ),
     };
     format!(
-        "{head}\n\
+        "{head}{task}\n\
          [control]\nlaw = \"mpc\"\nsampling_time_s = {sampling_time:?}\ncommand_delay_s = {delay:?}\n\
-         answer_budget_s = {sampling_time:?}\nmax_sample_age_s = {age:?}\nspin_s = {spin:?}\n\n\
-         [contact]\nadmittance_axes = [true, true]\nactivation_threshold = {threshold:?}\n\
+         answer_budget_s = {sampling_time:?}\nmax_sample_age_s = {age:?}\nspin_s = {spin:?}\n{condition}\n\
+         [contact]\nadmittance_axes = {gives_way:?}\nactivation_threshold = {threshold:?}\n\
          release_threshold = {release_threshold:?}\nforce_limit = {limit:?}\nminimum_force = {minimum_force:?}\n\
          wrench_time_constant_s = {wrench:?}\n{contact}\n\
          [environment]\nnormal_stiffness_n_m = {stiffness:?}\nsurface_normal = {normal:?}\n\
@@ -120,21 +139,54 @@ pub(crate) fn controller_text(draw: &Draw, profile: Profile, variant: Variant) -
          [mpc]\n{mpc}\n\n\
          [limits]\nvelocity_offset = {offset:?}\njoint_speed_rad_s = {speed:?}\n\n[stopping]\n\n[realtime]\n",
         head = arm_sections(draw),
+        task = task_section(draw),
         delay = draw.delay_s(),
         age = 3.0 * sampling_time,
         spin = 0.25 * sampling_time,
-        threshold = [ACTIVATION_THRESHOLD_N; 2],
-        limit = [draw.force_limit_n; 2],
-        wrench = [draw.wrench_time_constant_s; 2],
+        condition = least_condition(draw),
+        gives_way = draw.task.gives_way,
+        threshold = of_axes(ACTIVATION_THRESHOLD_N, ACTIVATION_THRESHOLD_N_M),
+        limit = draw.task.force_limit,
+        wrench = of_axes(draw.wrench_time_constant_s, draw.wrench_time_constant_s),
         stiffness = draw.stiffness_n_m * factor,
-        normal = [normal_x, normal_y, 0.0],
-        point = match variant {
-            Variant::Detected => "contact = \"detected\"".to_owned(),
-            _ => format!("contact_point_m = {:?}", [x + out_m * normal_x, y + out_m * normal_y, 0.0]),
+        point = match (variant, draw.task.frame) {
+            (Variant::Detected, _) => "contact = \"detected\"".to_owned(),
+            (_, frame) => {
+                let point: [f64; 3] = std::array::from_fn(|axis| point[axis] + out_m * normal[axis]);
+                let stands = if frame == Frame::Tool { standing(draw) } else { String::new() };
+                format!("contact_point_m = {point:?}{stands}")
+            }
         },
-        offset = [OFFSET_LIMIT_M_S; 2],
-        speed = [draw.joint_speed_limit_rad_s; 2],
+        offset = of_axes(OFFSET_LIMIT_M_S, OFFSET_LIMIT_M_S),
+        speed = draw.joint_speed_limit,
     )
+}
+
+/// [task], where it is another frame than the base frame.
+fn task_section(draw: &Draw) -> String {
+    let frame = match draw.task.frame {
+        Frame::Base => return String::new(),
+        Frame::Rpy(rpy) => format!("frame = \"rpy\"\nrpy_rad = {rpy:?}"),
+        Frame::Surface => "frame = \"surface\"".to_owned(),
+        Frame::Tool => "frame = \"tool\"".to_owned(),
+    };
+    format!("\n[task]\n{frame}\n")
+}
+
+/// How the tool stands at contact: in its frame it says where the normal is.
+fn standing(draw: &Draw) -> String {
+    let (roll, pitch, yaw) =
+        Rotation3::from_matrix_unchecked(draw.arm.tool_axes(&draw.contact_position)).euler_angles();
+    format!("\ncontact_rpy_rad = {:?}", [roll, pitch, yaw])
+}
+
+/// Two joints in a plane have the default; where metres and radians mix it is chosen for the arm, as in
+/// deploy/robots.
+fn least_condition(draw: &Draw) -> String {
+    match &draw.arm {
+        Arm::PlanarTwo(_) => String::new(),
+        Arm::Chain(_) => format!("minimum_reciprocal_condition = {LEAST_CONDITION:?}\n"),
+    }
 }
 
 /// The plant's scenario.
@@ -152,7 +204,6 @@ pub(crate) fn can_be_set_up(draw: &Draw) -> bool {
 
 /// The scenario as text.
 pub(crate) fn scenario_text(draw: &Draw) -> String {
-    let ([normal_x, normal_y], [x, y]) = (draw.normal(), draw.contact_point_m());
     let sampling_time = draw.sampling_time_s;
     format!(
         "name = \"study\"\n{head}\n\
@@ -164,25 +215,50 @@ pub(crate) fn scenario_text(draw: &Draw) -> String {
          [[motion]]\nduration_s = {duration:?}\ntwist = {twist:?}\n\n[realtime]\n",
         head = arm_sections(draw),
         delay = draw.delay_s(),
-        q = draw.contact_position_rad,
+        q = draw.contact_position,
         phase = draw.contact_phase,
-        point = [x, y, 0.0],
-        normal = [normal_x, normal_y, 0.0],
+        point = draw.contact_point_m(),
+        normal = draw.normal(),
         stiffness = draw.stiffness_n_m,
-        wrench = [draw.wrench_time_constant_s; 2],
+        wrench = vec![draw.wrench_time_constant_s; draw.arm.task_axes()],
         duration = APPROACH_S + AFTER_CONTACT_S,
-        twist = draw.twist_m_s(),
+        twist = draw.twist(),
     )
 }
 
 fn arm_sections(draw: &Draw) -> String {
-    let [first, second] = draw.arm.links_m;
-    format!(
-        "[ipc]\n\n[robot]\nname = \"planar 2R\"\ntask_axes = 2\nvelocity_time_constant_s = {:?}\n\n\
-         [[robot.joint]]\norigin_m = [0.0, 0.0, 0.0]\n\n[[robot.joint]]\norigin_m = [{first:?}, 0.0, 0.0]\n\n\
-         [robot.tool]\norigin_m = [{second:?}, 0.0, 0.0]\n",
-        draw.velocity_time_constant_s
-    )
+    let head = |name: &str| {
+        format!(
+            "[ipc]\n\n[robot]\nname = \"{name}\"\ntask_axes = {}\nvelocity_time_constant_s = {:?}\n",
+            draw.arm.task_axes(),
+            draw.velocity_time_constant_s
+        )
+    };
+    match &draw.arm {
+        Arm::PlanarTwo(PlanarTwo { links_m: [first, second] }) => format!(
+            "{}\n[[robot.joint]]\norigin_m = [0.0, 0.0, 0.0]\n\n[[robot.joint]]\norigin_m = [{first:?}, 0.0, 0.0]\n\n\
+             [robot.tool]\norigin_m = [{second:?}, 0.0, 0.0]\n",
+            head("planar 2R")
+        ),
+        Arm::Chain(chain) => {
+            let names = draw.task.controlled.iter().map(|axis| AXIS_NAMES[*axis]).collect::<Vec<_>>();
+            let mut text = format!("{}controlled_axes = {names:?}\n\n", head("study"));
+            for Joint { origin_m, rpy_rad, axis, kind } in &chain.joints {
+                let kind = match kind {
+                    Kind::Turns => "revolute",
+                    Kind::Slides => "prismatic",
+                };
+                let _ = write!(
+                    text,
+                    "[[robot.joint]]\norigin_m = {origin_m:?}\norigin_rpy_rad = {rpy_rad:?}\naxis = {axis:?}\n\
+                     kind = \"{kind}\"\n\n"
+                );
+            }
+            let (origin, rpy) = (chain.tool_m, chain.tool_rpy_rad);
+            let _ = write!(text, "[robot.tool]\norigin_m = {origin:?}\norigin_rpy_rad = {rpy:?}\n");
+            text
+        }
+    }
 }
 
 #[cfg(test)]

@@ -14,13 +14,15 @@ mod single_case;
 mod speed_figure;
 mod statistics;
 mod table;
+mod task;
 mod unknown;
 
 use std::path::PathBuf;
 
 use admittancectl::{Exit, offline, parallel};
+use closed_loop::FirstActive;
 use controller::{Profile, Variant};
-use draw::Draw;
+use draw::{AnyArm, ArmName, Arms, Draw};
 use statistics::Case;
 
 #[derive(Debug, clap::Args)]
@@ -37,7 +39,8 @@ enum What {
     /// Hold the feasibility verdict against what is attainable at all, over random contacts in
     /// virtual time.
     #[command(after_help = "Examples:\n  admittance-lab study verdict --runs 1000 --seed 1\n  \
-        admittance-lab study verdict --runs 10000 --seed 1 --json > verdict.json\n\n\
+        admittance-lab study verdict --runs 10000 --seed 1 --json > verdict.json\n  \
+        admittance-lab study verdict --arms all --runs 5000 --seed 3\n\n\
         First active sample: the first whose wrench estimate exceeds the activation threshold on an axis. Attainable: from \
         its state some input, held for a sampling time each, keeps the force limits for 100 ms. Feasible: no verdict of the \
         run is infeasible. Unsound: a limit exceeded by more than 0.5 N + 0.5 % in a cycle whose verdict was feasible. \
@@ -72,6 +75,10 @@ struct VerdictArgs {
     /// Seed of the random contacts.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Random arms that take turns, in random frames and directions, in place of the planar one with
+    /// two joints: all, or some of planar-2r planar-3r scara gantry six six-on-rail seven eight, with commas.
+    #[arg(long, conflicts_with_all = ["surface", "figure"])]
+    arms: Option<Arms>,
     /// Surfaces of which so much is told: all (contact point detected), or a range of stiffness.
     #[arg(long, value_enum)]
     surface: Option<unknown::Told>,
@@ -98,6 +105,9 @@ struct CaseArgs {
     /// Number of the contact in the study, from 0.
     #[arg(long)]
     index: u64,
+    /// Of a study with --arms; a number means the same whichever arms it had.
+    #[arg(long)]
+    arms: bool,
     /// Also write its scenario and its controllers' configurations into this directory.
     #[arg(long, value_name = "DIRECTORY")]
     save: Option<PathBuf>,
@@ -113,9 +123,11 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
 }
 
 fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
-    print!("{}", single_case::describe(args.seed, args.index).map_err(|why| (Exit::Internal, why))?);
+    let internal = |why| (Exit::Internal, why);
+    let drawn = Drawn::new(args.arms, args.seed, args.index).map_err(internal)?;
+    print!("{}", single_case::describe(&drawn).map_err(internal)?);
     if let Some(directory) = &args.save {
-        single_case::save(args.seed, args.index, directory).map_err(|why| (Exit::Unavailable, why))?;
+        single_case::save(&drawn, directory).map_err(|why| (Exit::Unavailable, why))?;
     }
     Ok(Exit::Ok)
 }
@@ -141,7 +153,11 @@ fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
         return Ok(Exit::Ok);
     }
     options.begin_figure()?;
-    let cases = cases(args.seed, args.runs, threads).map_err(|why| (Exit::Internal, why))?;
+    let cases = match &args.arms {
+        None => cases(args.seed, args.runs, threads),
+        Some(Arms(arms)) => cases_of(arms, args.seed, args.runs, threads),
+    };
+    let cases = cases.map_err(|why| (Exit::Internal, why))?;
     let mut figures = statistics::figures(args.seed, &cases);
     if options.wants_figure() {
         let speeds = speed_figure::speeds(threads).map_err(|why| (Exit::Internal, why))?;
@@ -158,27 +174,63 @@ fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
 /// # Errors
 /// A case that could not be drawn.
 fn cases(seed: u64, runs: u64, threads: usize) -> Result<Vec<Case>, String> {
-    parallel::map(runs, threads, "contacts", |index| one_case(seed, index))
+    parallel::map(runs, threads, "contacts", |index| one_case(Drawn::new(false, seed, index)?))
 }
 
-/// Draws a case, runs every variant, and asks the judge.
-fn one_case(seed: u64, index: u64) -> Result<Case, String> {
-    let draw = Draw::new(seed, index)?;
-    let runs = Variant::ALL.map(|variant| {
-        let scenario = controller::scenario(&draw)?;
-        closed_loop::run(&controller::controller(&draw, Profile::Default, variant)?, &scenario)
-    });
+/// The first `runs` cases of these arms.
+///
+/// # Errors
+/// A case that could not be drawn.
+fn cases_of(arms: &[ArmName], seed: u64, runs: u64, threads: usize) -> Result<Vec<Case>, String> {
+    parallel::map(runs, threads, "contacts", |case| one_case(Drawn::new(true, seed, AnyArm::index_of(arms, case))?))
+}
+
+/// A contact of a study.
+pub(crate) struct Drawn {
+    /// Which arm it is, with --arms.
+    arm: Option<ArmName>,
+    draw: Draw,
+}
+
+impl Drawn {
+    /// The contact with this index, of a study with --arms or without.
+    ///
+    /// # Errors
+    /// A case that could not be drawn.
+    fn new(of_arms: bool, seed: u64, index: u64) -> Result<Self, String> {
+        if of_arms {
+            AnyArm::new(seed, index).map(|AnyArm { name, draw }| Self { arm: Some(name), draw })
+        } else {
+            Draw::new(seed, index).map(|draw| Self { arm: None, draw })
+        }
+    }
+
+    /// What controllers are tried with it: with --arms the one that believes what is true.
+    pub(crate) fn variants(&self) -> &'static [Variant] {
+        if self.arm.is_some() { &[Variant::Nominal] } else { &Variant::ALL }
+    }
+}
+
+/// Runs every variant of a case, and asks the judge.
+fn one_case(drawn: Drawn) -> Result<Case, String> {
+    let run = |variant: &Variant| {
+        let scenario = controller::scenario(&drawn.draw)?;
+        let config = controller::controller(&drawn.draw, Profile::Default, *variant)?;
+        closed_loop::run(&drawn.draw, &config, &scenario)
+    };
+    let runs: Vec<_> = drawn.variants().iter().map(run).collect();
+    let Drawn { arm, draw } = drawn;
     // Up to the first active sample all variants are the same.
-    let first = runs[0].as_ref().ok().and_then(|seen| seen.first_active);
-    let answer = first.map(|first| closed_loop::contact(&draw, &first).lowest_peak());
+    let first = runs[0].as_ref().ok().and_then(|seen| seen.first_active.clone());
+    let answer = first.as_ref().map(|first| closed_loop::contact(&draw, first).lowest_peak());
     let optimum_n = answer.as_ref().and_then(|answer| answer.as_ref().ok()).map_or(f64::NAN, |answer| answer.optimum_n);
     let attainable_peak_n = answer.map(|answer| answer.map(|answer| answer.peak_n));
     // Only where a contact was lost is it worth the time to ask whether it had to be.
     let has_lost = runs.iter().flatten().any(|seen| seen.is_feasible() && seen.contact_losses > 0);
-    let in_contact = |first| closed_loop::contact(&draw, &first).lowest_peak_in_contact();
+    let in_contact = |first: &FirstActive| closed_loop::contact(&draw, first).lowest_peak_in_contact();
     let peak_in_contact_n =
-        first.filter(|_| has_lost).map(|first| in_contact(first).map_or(f64::INFINITY, |a| a.optimum_n));
-    Ok(Case { draw, attainable_peak_n, optimum_n, peak_in_contact_n, runs })
+        first.as_ref().filter(|_| has_lost).map(|first| in_contact(first).map_or(f64::INFINITY, |a| a.optimum_n));
+    Ok(Case { arm, draw, attainable_peak_n, optimum_n, peak_in_contact_n, runs })
 }
 
 #[cfg(test)]
@@ -197,12 +249,12 @@ mod tests {
     #[test]
     fn all_variants_become_active_in_the_same_state() {
         for index in 0..8 {
-            let case = one_case(2, index).unwrap();
-            let first = |run: &Result<closed_loop::Seen, String>| run.as_ref().unwrap().first_active;
+            let case = one_case(Drawn::new(false, 2, index).unwrap()).unwrap();
+            let first = |run: &Result<closed_loop::Seen, String>| run.as_ref().unwrap().first_active.clone();
             let active = first(&case.runs[0]).unwrap();
             // The judge's arm and surface are the plant's.
             let contact = closed_loop::contact(&case.draw, &active);
-            let force = contact.stiffness_n_m * contact.penetration_m(contact.joint_position_rad);
+            let force = contact.stiffness_n_m * contact.penetration_m(&contact.joint_position);
             assert!((force - active.normal_force_n).abs() < 1e-6 * force, "{force} {}", active.normal_force_n);
             assert!(case.runs.iter().all(|run| first(run) == first(&case.runs[0])), "case {index}");
         }
@@ -214,7 +266,7 @@ mod tests {
         for index in 0..40 {
             let draw = Draw::new(3, index).unwrap();
             let config = controller::controller(&draw, Profile::Default, Variant::Nominal).unwrap();
-            let seen = closed_loop::run(&config, &controller::scenario(&draw).unwrap()).unwrap();
+            let seen = closed_loop::run(&draw, &config, &controller::scenario(&draw).unwrap()).unwrap();
             let contact = closed_loop::contact(&draw, &seen.first_active.unwrap());
             let (judge, outward) = (contact.lowest_peak().unwrap(), contact.peak_of_full_speed_outward_n());
             let ratio = judge.peak_n / outward;

@@ -5,7 +5,7 @@
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 
-use super::arm::{dot, lag};
+use super::arm::{lag, product};
 use super::attainable::{Contact, JointState};
 
 /// Distance in s of the instants at which the force counts; within an input that is no multiple of
@@ -13,19 +13,19 @@ use super::attainable::{Contact, JointState};
 pub(super) const GRID_S: f64 = 1e-4;
 const TOLERANCE: f64 = 1e-9;
 const MAX_ITERATIONS: u32 = 200;
-/// Variables of a stage: two references, two velocities, two positions.
-const STAGE: usize = 6;
+/// Variables of a stage, for each joint: references first, then velocities, then positions.
+const STAGE: usize = 3;
 
 /// One input, and the trajectory along which the kinematics are linearised.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Stage {
     /// How long the input is held, in s.
     pub(super) duration_s: f64,
     /// Where the trajectory is at its start; `None`: at the pose of the start of the problem, all
     /// the time.
     pub(super) state: Option<JointState>,
-    /// The trajectory's reference in rad/s.
-    pub(super) reference: [f64; 2],
+    /// The trajectory's reference in rad/s or m/s.
+    pub(super) reference: Vec<f64>,
 }
 
 /// What the programme answers.
@@ -33,8 +33,8 @@ pub(super) struct Stage {
 pub(super) struct Solution {
     /// Largest k·penetration in N.
     pub(super) optimum_n: f64,
-    /// Reference in rad/s of each input.
-    pub(super) references: Vec<[f64; 2]>,
+    /// Reference in rad/s or m/s of each input.
+    pub(super) references: Vec<Vec<f64>>,
 }
 
 /// Rows of A x + s = b as triplets.
@@ -74,14 +74,16 @@ pub(super) fn minimise(
     keeps_contact: bool,
 ) -> Result<Solution, String> {
     let scale = scale(contact, start, peak_before_n);
-    let peak = STAGE * stages.len();
+    let width = STAGE * contact.arm.joints();
+    let peak = width * stages.len();
     let mut rows = Rows::default();
     dynamics(contact, start, stages, scale, &mut rows);
+    kept(contact, start, stages, scale, &mut rows);
     let equalities = rows.bounds.len();
     rows.push(&[(peak, -1.0)], -peak_before_n / scale.force);
     for (m, stage) in stages.iter().enumerate() {
-        for (joint, (least, most)) in contact.joint_speed_bounds_rad_s.into_iter().enumerate() {
-            let reference = STAGE * m + joint;
+        for (joint, (least, most)) in contact.joint_speed_bounds.iter().enumerate() {
+            let reference = width * m + joint;
             rows.push(&[(reference, 1.0)], most / scale.speed);
             rows.push(&[(reference, -1.0)], -least / scale.speed);
         }
@@ -96,33 +98,33 @@ pub(super) fn minimise(
     gradient[peak] = 1.0;
     let x = solve(&gradient, &rows, equalities, inequalities)?;
     let references = (0..stages.len()).map(|m| {
-        std::array::from_fn(|joint| {
-            // An interior point may be outside by its tolerance.
-            let (least, most) = contact.joint_speed_bounds_rad_s[joint];
-            (x[STAGE * m + joint] * scale.speed).clamp(least, most)
-        })
+        let bounds = contact.joint_speed_bounds.iter().enumerate();
+        // An interior point may be outside by its tolerance.
+        bounds.map(|(joint, (least, most))| (x[width * m + joint] * scale.speed).clamp(*least, *most)).collect()
     });
     Ok(Solution { optimum_n: x[peak] * scale.force, references: references.collect() })
 }
 
 fn scale(contact: &Contact, start: &JointState, peak_before_n: f64) -> Scale {
-    let speed = contact.joint_speed_bounds_rad_s.iter().fold(0.0_f64, |most, (a, b)| most.max(a.abs()).max(b.abs()));
-    let longest = contact.velocity_time_constant_s[0].max(contact.velocity_time_constant_s[1]);
+    let speed = contact.joint_speed_bounds.iter().fold(0.0_f64, |most, (a, b)| most.max(a.abs()).max(b.abs()));
+    let longest = contact.velocity_time_constant_s.iter().copied().fold(0.0, f64::max);
     // What the force would be if the arm coasted into the surface for one time constant.
-    let inward = -dot(contact.arm.lever_m(start.position, contact.normal), start.velocity);
+    let inward = -product(&contact.arm.lever(&start.position, contact.normal), &start.velocity);
     let force = peak_before_n.abs() + contact.stiffness_n_m * inward.abs() * longest;
     Scale { speed: speed.max(1e-3), angle: speed.max(1e-3) * longest, force: force.max(1e-3) }
 }
 
 /// Velocity and position (the latter relative to the start) at the start of every input.
 fn dynamics(contact: &Contact, start: &JointState, stages: &[Stage], scale: Scale, rows: &mut Rows) {
-    for joint in 0..2 {
-        let (velocity, position) = (2 + joint, 4 + joint);
+    let joints = contact.arm.joints();
+    let width = STAGE * joints;
+    for joint in 0..joints {
+        let (velocity, position) = (joints + joint, 2 * joints + joint);
         rows.push(&[(velocity, 1.0)], start.velocity[joint] / scale.speed);
         rows.push(&[(position, 1.0)], 0.0);
         let time_constant = contact.velocity_time_constant_s[joint];
         for (m, stage) in stages.iter().enumerate().take(stages.len().saturating_sub(1)) {
-            let (at, next) = (STAGE * m, STAGE * (m + 1));
+            let (at, next) = (width * m, width * (m + 1));
             let (by_velocity, decay) = lag(time_constant, 1.0, 0.0, stage.duration_s);
             let (by_reference, gain) = lag(time_constant, 0.0, 1.0, stage.duration_s);
             rows.push(&[(next + velocity, 1.0), (at + velocity, -decay), (at + joint, -gain)], 0.0);
@@ -140,6 +142,23 @@ fn dynamics(contact: &Contact, start: &JointState, stages: &[Stage], scale: Scal
     }
 }
 
+/// What offsets cannot change about the references, in the pose in which each input begins.
+fn kept(contact: &Contact, start: &JointState, stages: &[Stage], scale: Scale, rows: &mut Rows) {
+    if contact.task.is_free(&contact.arm) {
+        return;
+    }
+    let width = STAGE * contact.arm.joints();
+    for (m, stage) in stages.iter().enumerate() {
+        let position = &stage.state.as_ref().unwrap_or(start).position;
+        let (kept, values) = contact.task.kept(&contact.arm, position, contact.normal, &contact.twist);
+        for (row, value) in kept.iter().zip(values) {
+            let entries: Vec<(usize, f64)> =
+                row.iter().enumerate().map(|(joint, factor)| (width * m + joint, *factor)).collect();
+            rows.push(&entries, value / scale.speed);
+        }
+    }
+}
+
 /// k·penetration ≤ s at the instants of one input, its end included; without a variable for s,
 /// penetration ≥ 0 there.
 fn force_rows(
@@ -152,28 +171,31 @@ fn force_rows(
     rows: &mut Rows,
 ) {
     let instants = (stage.duration_s / GRID_S - 1e-9).ceil().max(1.0) as u32;
-    let unit = contact.stiffness_n_m / scale.force * if peak.is_some() { 1.0 } else { -1.0 };
+    let joints = contact.arm.joints();
+    let at = STAGE * joints * m;
+    let sign = if peak.is_some() { 1.0 } else { -1.0 };
     for instant in 1..=instants {
         let time = stage.duration_s * f64::from(instant) / f64::from(instants);
         let around = match &stage.state {
-            Some(state) => contact.advance(state, stage.reference, time).position,
-            None => start.position,
+            Some(state) => contact.advance(state, &stage.reference, time).position,
+            None => start.position.clone(),
         };
+        let unit = contact.stiffness_n_m / scale.force * sign * contact.weight(&around);
         // penetration(q) ≈ penetration(q̄) − g·(q − q̄), with q counted from the start.
-        let lever = contact.arm.lever_m(around, contact.normal);
-        let moved = std::array::from_fn(|joint| around[joint] - start.position[joint]);
-        let mut entries = [(peak.unwrap_or(STAGE * m), if peak.is_some() { -1.0 } else { 0.0 }); 7];
-        for joint in 0..2 {
+        let lever = contact.arm.lever(&around, contact.normal);
+        let moved: Vec<f64> = around.iter().zip(&start.position).map(|(around, start)| around - start).collect();
+        let mut entries = Vec::with_capacity(1 + STAGE * joints);
+        for (joint, lever) in lever.iter().enumerate() {
             let time_constant = contact.velocity_time_constant_s[joint];
             let (by_velocity, _) = lag(time_constant, 1.0, 0.0, time);
             let (by_reference, _) = lag(time_constant, 0.0, 1.0, time);
-            let at = STAGE * m + joint;
-            let factor = -unit * lever[joint];
-            entries[3 * joint] = (at, factor * by_reference * scale.speed);
-            entries[3 * joint + 1] = (at + 2, factor * by_velocity * scale.speed);
-            entries[3 * joint + 2] = (at + 4, factor * scale.angle);
+            let factor = -unit * lever;
+            entries.push((at + joint, factor * by_reference * scale.speed));
+            entries.push((at + joints + joint, factor * by_velocity * scale.speed));
+            entries.push((at + 2 * joints + joint, factor * scale.angle));
         }
-        rows.push(&entries, -unit * (contact.penetration_m(around) + dot(lever, moved)));
+        entries.extend(peak.map(|peak| (peak, -1.0)));
+        rows.push(&entries, -unit * (contact.penetration_m(&around) + product(&lever, &moved)));
     }
 }
 

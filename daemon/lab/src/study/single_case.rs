@@ -5,21 +5,21 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use super::controller::{self, Profile, Variant};
-use super::draw::Draw;
-use super::{closed_loop, statistics};
+use super::{Drawn, closed_loop, statistics};
 
 /// The case in words: the draw, what is attainable, and what each variant did.
 ///
 /// # Errors
 /// What controller, plant or judge do not accept.
-pub(crate) fn describe(seed: u64, index: u64) -> Result<String, String> {
-    let draw = Draw::new(seed, index)?;
-    let mut text = format!("{draw:#?}\nnormal force limit: {:.3} N\n", draw.normal_force_limit_n());
-    for variant in Variant::ALL {
-        let config = controller::controller(&draw, Profile::Default, variant)?;
-        let seen = closed_loop::run(&config, &controller::scenario(&draw)?)?;
+pub(crate) fn describe(drawn: &Drawn) -> Result<String, String> {
+    let draw = &drawn.draw;
+    let arm = drawn.arm.map_or(String::new(), |arm| format!("{arm}\n"));
+    let mut text = format!("{arm}{draw:#?}\nnormal force limit: {:.3} N\n", draw.normal_force_limit_n());
+    for variant in drawn.variants() {
+        let config = controller::controller(draw, Profile::Default, *variant)?;
+        let seen = closed_loop::run(draw, &config, &controller::scenario(draw)?)?;
         if let (Variant::Nominal, Some(first)) = (variant, &seen.first_active) {
-            let answer = closed_loop::contact(&draw, first).lowest_peak()?;
+            let answer = closed_loop::contact(draw, first).lowest_peak()?;
             let _ = writeln!(
                 text,
                 "first active sample: {:.3} N; lowest attainable peak {:.3} N (linear optimum {:.3} N)",
@@ -48,17 +48,17 @@ pub(crate) fn describe(seed: u64, index: u64) -> Result<String, String> {
 /// Writes the case's scenario.toml, and a controller.toml for each variant, into a directory.
 ///
 /// # Errors
-/// A case that cannot be drawn, and what the file system says.
-pub(crate) fn save(seed: u64, index: u64, directory: &Path) -> Result<(), String> {
-    let draw = Draw::new(seed, index)?;
+/// What the file system says.
+pub(crate) fn save(drawn: &Drawn, directory: &Path) -> Result<(), String> {
+    let draw = &drawn.draw;
     let write = |name: String, text: String| {
         let path = directory.join(name);
         std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
     };
     std::fs::create_dir_all(directory).map_err(|error| format!("{}: {error}", directory.display()))?;
-    write("scenario.toml".to_owned(), controller::scenario_text(&draw))?;
-    for variant in Variant::ALL {
-        let text = controller::controller_text(&draw, Profile::Default, variant);
+    write("scenario.toml".to_owned(), controller::scenario_text(draw))?;
+    for variant in drawn.variants() {
+        let text = controller::controller_text(draw, Profile::Default, *variant);
         write(format!("controller-{}.toml", variant.name()), text)?;
     }
     Ok(())
@@ -68,6 +68,7 @@ pub(crate) fn save(seed: u64, index: u64, directory: &Path) -> Result<(), String
 mod tests {
     use ipc_types::StopReason;
 
+    use super::super::draw::Draw;
     use super::*;
     use crate::study::closed_loop::{self, Seen};
     use crate::study::controller::{controller, scenario};
@@ -75,7 +76,7 @@ mod tests {
     fn seen(seed: u64, index: u64) -> (Draw, Seen) {
         let draw = Draw::new(seed, index).unwrap();
         let config = controller(&draw, Profile::Default, Variant::Nominal).unwrap();
-        let seen = closed_loop::run(&config, &scenario(&draw).unwrap()).unwrap();
+        let seen = closed_loop::run(&draw, &config, &scenario(&draw).unwrap()).unwrap();
         (draw, seen)
     }
 

@@ -4,7 +4,6 @@
 use plotters::style::RGBColor;
 use serde::Serialize;
 
-use super::arm::Arm;
 use super::closed_loop::{self, FirstActive};
 use super::controller::{self, Profile, Variant};
 use super::draw::{Draw, SAMPLING_TIMES_S};
@@ -91,10 +90,10 @@ fn is_safe(sampling_time_s: f64, speed_m_s: f64, curve: Curve) -> Result<bool, S
     };
     let mut deepest: Option<(Draw, FirstActive)> = None;
     for instant in 0..INSTANTS {
-        let draw = contact_of_the_paper(sampling_time_s, speed_m_s, f64::from(instant) / f64::from(INSTANTS));
+        let draw = Draw::of_the_paper(sampling_time_s, speed_m_s, f64::from(instant) / f64::from(INSTANTS));
         let config = controller::controller(&draw, profile, Variant::Nominal)?;
-        let seen = closed_loop::run(&config, &controller::scenario(&draw)?)?;
-        let (limit, first) = (draw.normal_force_limit_n(), seen.first_active.ok_or("no active sample")?);
+        let seen = closed_loop::run(&draw, &config, &controller::scenario(&draw)?)?;
+        let (limit, first) = (draw.normal_force_limit_n(), seen.first_active.clone().ok_or("no active sample")?);
         if matches!(curve, Curve::Run(_)) && (seen.stopped() || exceeds(seen.peak_n, limit)) {
             return Ok(false);
         }
@@ -109,30 +108,6 @@ fn is_safe(sampling_time_s: f64, speed_m_s: f64, curve: Curve) -> Result<bool, S
             Ok(closed_loop::contact(&draw, &first).lowest_peak()?.peak_n <= draw.normal_force_limit_n())
         }
         _ => Ok(true),
-    }
-}
-
-/// The planar arm and the contact of docs/design.md, with joint speeds limited to 3 rad/s.
-fn contact_of_the_paper(sampling_time_s: f64, speed_m_s: f64, contact_phase: f64) -> Draw {
-    // The TCP at (1.32, 0.68) m with links of 1 m, elbow below zero.
-    let (x, y) = (1.32_f64, 0.68_f64);
-    let half = (x.hypot(y) / 2.0).acos();
-    Draw {
-        index: 0,
-        speed_m_s,
-        angle_rad: 25f64.to_radians(),
-        stiffness_n_m: 1e5,
-        force_limit_n: 200.0,
-        minimum_force_n: [6.0; 2],
-        release_threshold_n: [3.0; 2],
-        arm: Arm { links_m: [1.0, 1.0] },
-        contact_position_rad: [y.atan2(x) + half, -2.0 * half],
-        velocity_time_constant_s: [0.015, 0.010],
-        wrench_time_constant_s: 0.020,
-        joint_speed_limit_rad_s: 3.0,
-        sampling_time_s,
-        delay_cycles: 0,
-        contact_phase,
     }
 }
 
@@ -172,9 +147,9 @@ mod tests {
 
     #[test]
     fn the_contact_is_where_the_prototype_had_it() {
-        let draw = contact_of_the_paper(0.004, 0.25, 0.0);
-        let [x, y] = draw.contact_point_m();
-        assert!((x - 1.32).abs() < 1e-12 && (y - 0.68).abs() < 1e-12 && draw.contact_position_rad[1] < 0.0);
+        let draw = Draw::of_the_paper(0.004, 0.25, 0.0);
+        let [x, y, _] = draw.contact_point_m();
+        assert!((x - 1.32).abs() < 1e-12 && (y - 0.68).abs() < 1e-12 && draw.contact_position[1] < 0.0);
     }
 
     #[test]

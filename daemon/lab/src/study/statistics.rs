@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::closed_loop::Seen;
 use super::controller::Variant;
-use super::draw::Draw;
+use super::draw::{ArmName, Draw};
 use super::speed_figure::Speeds;
 
 /// A limit counts as exceeded by more than this: newtons, plus a share of the limit.
@@ -20,6 +20,8 @@ const DECADES_N_M: [(f64, f64); 2] = [(1e4, 1e5), (1e5, 1e6)];
 /// Everything known about a case: the draw, what is attainable, and a run for each variant.
 #[derive(Debug, Clone)]
 pub(crate) struct Case {
+    /// Which arm it is, with `--arms`.
+    pub(crate) arm: Option<ArmName>,
     /// The case.
     pub(crate) draw: Draw,
     /// Lowest attainable peak of the nonlinear arm in N; `None` without an active sample, `Err`
@@ -30,8 +32,8 @@ pub(crate) struct Case {
     /// The lowest peak in N, by the linear problem, of inputs that never lose contact; asked only
     /// where contact was lost.
     pub(crate) peak_in_contact_n: Option<f64>,
-    /// In the order of [`Variant::ALL`].
-    pub(crate) runs: [Result<Seen, String>; Variant::ALL.len()],
+    /// In the order of [`Variant::ALL`]; with `--arms` the nominal one alone.
+    pub(crate) runs: Vec<Result<Seen, String>>,
 }
 
 /// Why a run is reported apart.
@@ -199,7 +201,11 @@ pub(crate) struct Figures {
     /// By stiffness.
     pub(crate) stiffness_decades: Vec<Decade>,
     /// The same cases with a controller that believes something else; no targets yet.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub(crate) variants: BTreeMap<&'static str, Column>,
+    /// Those of each arm, with `--arms`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub(crate) by_arm: BTreeMap<&'static str, Column>,
     /// The figure's numbers, when it was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) approach_speeds: Option<Vec<Speeds>>,
@@ -217,19 +223,26 @@ pub(crate) fn figures(seed: u64, cases: &[Case]) -> Figures {
         };
         Decade { from_n_m, to_n_m, attainable: count(true), unattainable: count(false) }
     });
-    let others = Variant::ALL.iter().enumerate().skip(1);
+    let variants = cases.iter().map(|case| case.runs.len()).max().unwrap_or(0);
+    let others = Variant::ALL.iter().enumerate().take(variants).skip(1);
+    let all = || cases.iter();
+    let of_arm = |arm: ArmName| {
+        let mut cases = all().filter(move |case| case.arm == Some(arm)).peekable();
+        cases.peek().is_some().then(|| (arm.name(), column(cases, 0)))
+    };
     Figures {
         runs: cases.len() as u64,
         seed,
-        nominal: column(cases, 0),
+        nominal: column(all(), 0),
         unconfirmed: counted().filter(|case| case.is_unconfirmed()).count() as u32,
         stiffness_decades: decades.to_vec(),
-        variants: others.map(|(index, variant)| (variant.name(), column(cases, index))).collect(),
+        variants: others.map(|(index, variant)| (variant.name(), column(all(), index))).collect(),
+        by_arm: ArmName::ALL.into_iter().filter_map(of_arm).collect(),
         approach_speeds: None,
     }
 }
 
-fn column(cases: &[Case], variant: usize) -> Column {
+fn column<'a>(cases: impl Iterator<Item = &'a Case>, variant: usize) -> Column {
     let mut column = Column {
         counted: 0,
         attainable: 0,

@@ -5,11 +5,12 @@ use std::fmt::Write as _;
 use comfy_table::Table;
 
 use super::controller::Variant;
+use super::draw::ArmName;
 use super::statistics::{Column, Distribution, Figures};
 
 type Cell = fn(&Column) -> String;
 
-/// One row per figure, one column per variant, and a line per decade of stiffness below.
+/// One row per figure, one column per variant or arm, and a line per decade of stiffness below.
 pub(crate) fn table(figures: &Figures) -> String {
     let rows: [(&str, Cell); 17] = [
         ("counted runs", |c| c.counted.to_string()),
@@ -39,18 +40,18 @@ pub(crate) fn table(figures: &Figures) -> String {
             [&e.unsound, &e.timid, &e.withdrawn, &e.lost, &e.high].map(|list| some(list)).join("; ")
         }),
     ];
-    let columns: Vec<&Column> = Variant::ALL
-        .iter()
-        .filter_map(|variant| match variant {
-            Variant::Nominal => Some(&figures.nominal),
-            other => figures.variants.get(other.name()),
-        })
+    let other = |variant: &Variant| Some((variant.name(), figures.variants.get(variant.name())?));
+    let of_arm = |arm: &ArmName| Some((arm.name(), figures.by_arm.get(arm.name())?));
+    let first = if figures.by_arm.is_empty() { Variant::Nominal.name() } else { "all" };
+    let columns: Vec<(&str, &Column)> = std::iter::once((first, &figures.nominal))
+        .chain(Variant::ALL.iter().filter_map(other))
+        .chain(ArmName::ALL.iter().filter_map(of_arm))
         .collect();
     let mut table = Table::new();
-    let names = Variant::ALL.iter().map(|variant| variant.name().to_owned());
+    let names = columns.iter().map(|(name, _)| (*name).to_owned());
     table.set_header(std::iter::once(format!("{} runs, seed {}", figures.runs, figures.seed)).chain(names));
     for (name, cell) in rows {
-        table.add_row(std::iter::once(name.to_owned()).chain(columns.iter().map(|column| cell(column))));
+        table.add_row(std::iter::once(name.to_owned()).chain(columns.iter().map(|(_, column)| cell(column))));
     }
     let mut text = table.to_string();
     for decade in &figures.stiffness_decades {

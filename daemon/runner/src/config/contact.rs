@@ -38,8 +38,8 @@ config_enum! {
 config_section! {
     /// Contact and force, one value per task axis: N on x y z, N·m on rx ry rz.
     pub struct ContactSection {
-        /// Axes that admittance control may take over.
-        admittance_axes: Vec<bool>, length 2..=6, each "axis";
+        /// Axes that admittance control may take over. Required, unless task.axes names them.
+        admittance_axes: Vec<bool> = Vec::new(), length 0..=6, each "axis";
         /// |f̂| above which an axis joins, β.
         activation_threshold: Vec<f64>, unit "N, N m", range 0.001..=1e4, length 2..=6, each "axis";
         /// |f̂| below which an active axis leaves; at most the activation threshold, which the

@@ -76,7 +76,7 @@ config_section! {
     cross_check sizes_and_laws;
 }
 
-config_file!(Config);
+config_file!(Config, completed Config::with_named_axes);
 
 fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     let axes = config.robot.task_axes as usize;
@@ -86,9 +86,11 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
         WeightSpace::Task => (axes, "one for each task axis"),
     };
     let per_axis = (axes, "one for each task axis");
+    // Where there is none, more is said about it below.
+    let gives_way = Some(config.contact.admittance_axes.len()).filter(|found| *found > 0).unwrap_or(axes);
     let damping = config.damping.as_ref().map_or(axes, |damping| damping.damping_n_s_m.len());
     let lengths = [
-        ("contact.admittance_axes", config.contact.admittance_axes.len(), per_axis),
+        ("contact.admittance_axes", gives_way, per_axis),
         ("contact.activation_threshold", config.contact.activation_threshold.len(), per_axis),
         ("contact.release_threshold", config.contact.release_threshold.len(), per_axis),
         ("contact.force_limit", config.contact.force_limit.len(), per_axis),
@@ -166,20 +168,7 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
         let accepted = format!("at most contact.release_threshold[{axis}] = {release}");
         errors.push(ConfigError::new(format!("wrench.deadband[{axis}]"), deadband, accepted));
     }
-    let controlled = config.robot.controlled();
-    for (axis, _) in config
-        .contact
-        .admittance_axes
-        .iter()
-        .enumerate()
-        .filter(|(axis, gives_way)| **gives_way && !controlled.has(*axis))
-    {
-        let accepted = "false on an axis that is not one of robot.controlled_axes";
-        errors.push(ConfigError::new(format!("contact.admittance_axes[{axis}]"), true, accepted));
-    }
-    if !config.contact.admittance_axes.contains(&true) {
-        errors.push(ConfigError::new("contact.admittance_axes", "all false", "at least one true"));
-    }
+    task::check_gives_way(config, errors);
     law::check_law(config, errors);
 }
 

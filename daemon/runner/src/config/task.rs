@@ -29,15 +29,17 @@ config_enum! {
 config_section! {
     /// The directions of the task: of all lists over task axes, of limits, thresholds, weights, of
     /// the verdict, and of the wrench as the law sees it. State and command samples stay in the base
-    /// frame, and so do positions and surface_normal in this file. Which directions give way says
-    /// contact.admittance_axes; the others follow the twist reference.
+    /// frame, and so do positions and surface_normal in this file. Which directions give way say axes
+    /// or contact.admittance_axes; the others follow the twist reference.
     pub struct TaskSection {
         /// Whose directions they are.
         frame: FrameName = FrameName::Base;
         /// With frame = "rpy": orientation of the task frame in the base frame: fixed-axis roll,
         /// pitch, yaw.
         rpy_rad: [f64; 3] = [0.0, 0.0, 0.0], unit "rad", range -7.0..=7.0;
-        removed axes "contact.admittance_axes says which directions of the task frame give way";
+        /// The directions that give way, by their names, such as ["z"]: in place of
+        /// contact.admittance_axes.
+        axes: Option<Vec<String>>, length 1..=6;
     }
     cross_check rpy_is_used;
 }
@@ -46,6 +48,50 @@ fn rpy_is_used(task: &TaskSection, path: &str, errors: &mut Vec<ConfigError>) {
     if task.frame != FrameName::Rpy && task.rpy_rad != [0.0; 3] {
         let accepted = format!("no such key, or {path}.frame = \"rpy\"");
         errors.push(ConfigError::new(format!("{path}.rpy_rad"), format!("{:?}", task.rpy_rad), accepted));
+    }
+}
+
+impl Config {
+    /// The directions of task.axes as contact.admittance_axes, where that is not given: everything else
+    /// looks there.
+    pub(super) fn with_named_axes(mut self) -> Self {
+        if let (Some(axes), true) = (&self.task.axes, self.contact.admittance_axes.is_empty()) {
+            self.contact.admittance_axes = gives_way(axes, self.robot.task_axes).collect();
+        }
+        self
+    }
+}
+
+fn gives_way(axes: &[String], task_axes: u32) -> impl Iterator<Item = bool> {
+    AXIS_NAMES.iter().take(task_axes as usize).map(|name| axes.iter().any(|axis| axis == name))
+}
+
+/// Which directions give way is said once, and of directions that the arm controls.
+pub(super) fn check_gives_way(config: &Config, errors: &mut Vec<ConfigError>) {
+    let (told, controlled) = (&config.contact.admittance_axes, config.robot.controlled());
+    let Some(axes) = &config.task.axes else {
+        for (axis, _) in told.iter().enumerate().filter(|(axis, gives_way)| **gives_way && !controlled.has(*axis)) {
+            let accepted = "false on an axis that is not one of robot.controlled_axes";
+            errors.push(ConfigError::new(format!("contact.admittance_axes[{axis}]"), true, accepted));
+        }
+        if !told.contains(&true) {
+            let accepted = "at least one true; or task.axes with names, and no such key";
+            let found = if told.is_empty() { "absent" } else { "all false" };
+            errors.push(ConfigError::new("contact.admittance_axes", found, accepted));
+        }
+        return;
+    };
+    let known = AXIS_NAMES.iter().take(config.robot.task_axes as usize).enumerate();
+    let known: Vec<&str> = known.filter(|(axis, _)| controlled.has(*axis)).map(|(_, name)| *name).collect();
+    for (index, axis) in axes.iter().enumerate() {
+        if !known.contains(&axis.as_str()) || axes[..index].contains(axis) {
+            let accepted = format!("each once, of the directions that the arm controls: {}", known.join(" "));
+            errors.push(ConfigError::new(format!("task.axes[{index}]"), format!("{axis:?}"), accepted));
+        }
+    }
+    if !told.iter().copied().eq(gives_way(axes, config.robot.task_axes)) {
+        let accepted = format!("no such key, since task.axes = {axes:?}");
+        errors.push(ConfigError::new("contact.admittance_axes", format!("{told:?}"), accepted));
     }
 }
 
@@ -159,6 +205,36 @@ mod tests {
         }
     }
 
+    const GIVES_WAY: &str = "admittance_axes = [true, true, true, false, false, false]\n";
+
+    #[test]
+    fn directions_that_give_way_may_be_named() {
+        let named = |axes: &str| framed(&format!("frame = \"tool\"\naxes = {axes}"));
+        let text = SIX.replacen(GIVES_WAY, "", 1).replacen("[control]", &named("[\"rx\", \"z\"]"), 1);
+        let config: Config = parse(&text, "named.toml").unwrap_or_else(|errors| panic!("{errors}"));
+        assert_eq!(config.contact.admittance_axes, [false, false, true, true, false, false]);
+        // The same again is nothing wrong, and anything else is.
+        assert_eq!(errors(SIX, &[("[control]", &named("[\"x\", \"y\", \"z\"]"))]), "");
+        for (axes, list, parts) in [
+            (
+                "[\"z\"]",
+                GIVES_WAY,
+                &["contact.admittance_axes = [true, ", "no such key, since task.axes = [\"z\"]"][..],
+            ),
+            ("[\"z\", \"up\"]", "", &["task.axes[1] = \"up\"", "x y z rx ry rz"]),
+            ("[\"z\", \"z\"]", "", &["task.axes[1] = \"z\"", "each once"]),
+            ("[]", "", &["task.axes = []", "1 to 6"]),
+        ] {
+            let found = errors(SIX, &[(GIVES_WAY, list), ("[control]", &named(axes))]);
+            parts.iter().for_each(|part| assert!(found.contains(part), "{part}: {found:?}"));
+        }
+        let found = errors(SIX, &[(GIVES_WAY, "")]);
+        assert!(found.contains("contact.admittance_axes = absent") && found.contains("task.axes"), "{found:?}");
+        let frame = framed("axes = [\"rx\"]");
+        let found = errors(SCARA, &[(GIVES_WAY, ""), ("[control]", &frame)]);
+        assert!(found.contains("task.axes[0] = \"rx\"") && found.contains("controls: x y z rz"), "{found:?}");
+    }
+
     #[test]
     fn what_a_frame_cannot_have_is_named() {
         let wants = |text: &str, changes: &[(&str, &str)], parts: &[&str]| {
@@ -172,7 +248,6 @@ mod tests {
             &[("[control]", &framed("frame = \"flange\""))],
             &["task.frame", "flange", "\"surface\" or \"tool\""],
         );
-        wants(SIX, &[("[control]", &framed("axes = [\"z\"]"))], &["task.axes", "contact.admittance_axes"]);
         let rpy = framed("frame = \"tool\"\nrpy_rad = [0.1, 0.0, 0.0]");
         wants(SIX, &[("[control]", &rpy)], &["task.rpy_rad = [0.1, 0.0, 0.0]", "task.frame = \"rpy\""]);
         wants(SIX, &[("[control]", &framed("frame = \"rpy\"\nrpy_rad = [0.1, nan, 0.0]"))], &["task.rpy_rad[1]"]);

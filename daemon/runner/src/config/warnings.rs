@@ -3,12 +3,16 @@
 use admittance_core::belief::{NOISE_DEVIATIONS, NoiseWindow};
 use admittance_core::quantities::{AXIS_NAMES, Span, is_linear, wrench_unit};
 use admittance_host::config::short;
+use nalgebra::Vector3;
 
 use super::plausibility::{MOST_FORCE_N_M, contact_distance_m, reach_m};
 use super::{Config, WrenchSourceName};
+use crate::task_frame::TaskFrame;
 
 /// What a solve takes on a fast machine, in s: no answer is in time below it.
 const FASTEST_ANSWER_S: f64 = 50e-6;
+/// Of a normal's length 1 so much may be missing along the arm's axes: half a degree.
+const NEGLIGIBLE_LEAN: f64 = 4e-5;
 
 impl Config {
     /// Sentences about this (checked) configuration, for whoever loads it.
@@ -20,6 +24,7 @@ impl Config {
             self.lag_tolerance_without_mpc(),
             self.dynamics_without_observer(),
             self.distance(),
+            self.normal_beside_the_arm(),
             self.budget(),
             self.forces(),
         ]
@@ -97,6 +102,27 @@ impl Config {
             )
         };
         far.map(warning).into_iter().collect()
+    }
+
+    /// A normal that leans out of what the arm moves along is laid into it.
+    fn normal_beside_the_arm(&self) -> Vec<String> {
+        let normal = Vector3::from(self.environment.surface_normal).normalize();
+        let seen = TaskFrame::of(self).vector(normal);
+        let axes: Vec<usize> = self.robot.linear_axes().collect();
+        let part = axes.iter().map(|axis| seen[*axis] * seen[*axis]).sum::<f64>().sqrt();
+        if part > 1.0 - NEGLIGIBLE_LEAN {
+            return Vec::new();
+        }
+        let names: Vec<&str> = axes.iter().map(|axis| AXIS_NAMES[*axis]).collect();
+        vec![format!(
+            "environment.surface_normal = {:?} has a part beside {}, along which alone the arm moves: it is taken for a surface \
+             across them; for one that leans so, normal_stiffness_n_m is {:.3} times what a motion feels, and the normal force \
+             {:.3} times the one that is kept below force_limit",
+            self.environment.surface_normal,
+            names.join(" "),
+            1.0 / (part * part),
+            1.0 / part,
+        )]
     }
 
     fn budget(&self) -> Vec<String> {
@@ -209,6 +235,20 @@ mod tests {
         // Along the surface, so that its plane stays within reach.
         let text = one(planar(|config| config.environment.contact_point_m = Some([1.32 + 9.063, 0.68 - 4.226, 0.0])));
         assert!(text.contains("reach 2 m"), "{text}");
+    }
+
+    #[test]
+    fn a_normal_that_leans_out_of_the_arm_s_axes_is_warned_of() {
+        let text = include_str!("../../../../deploy/robots/planar-three.toml");
+        let mut config: Config = parse(text, "planar-three.toml").unwrap();
+        assert_eq!(config.warnings(), Vec::<String>::new());
+        config.environment.surface_normal = [0.0, 0.8, 0.6];
+        let warnings = config.warnings();
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
+        for part in ["[0.0, 0.8, 0.6] has a part beside x y", "1.562 times what a motion feels", "1.250 times the one"]
+        {
+            assert!(warnings[0].contains(part), "{part}: {}", warnings[0]);
+        }
     }
 
     #[test]

@@ -41,8 +41,14 @@ const PIECES: [&str; 24] = [
     "tcp",
 ];
 
+/// A run for longer: PROPTEST_CASES=100000 cargo test -p admittancectl --lib any_bytes
+fn config() -> ProptestConfig {
+    let cases = if std::env::var_os("PROPTEST_CASES").is_some() { ProptestConfig::default().cases } else { 100 };
+    ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(cases) }
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(100) })]
+    #![proptest_config(config())]
 
     #[test]
     fn bytes(bytes in proptest::collection::vec(any::<u8>(), 0..400), scenario: bool) {

@@ -134,12 +134,54 @@ fn joints_may_slide_and_fewer_than_six_control_what_they_can() {
     assert_eq!(config.contact.admittance_axes, [true, true, true, false, false, false]);
 }
 
-/// The masses of the configuration's comment are those of the scenario.
+/// The masses of the configuration's comment are those of the scenario, and are what the wrench from motor
+/// torques wants.
 #[test]
 fn masses_are_in_the_comment_too() {
     let robot = import(ARM, false).expect("an arm");
     let commented = one_of(&robot, "# mass_kg");
     assert_eq!(commented, one_of(&import(ARM, true).expect("an arm"), "mass_kg"));
+    let (file, masses) = robot.split_once("# Masses, ").expect("they come last");
+    let masses: String = masses.lines().skip(3).map(|line| format!("{}\n", line[1..].trim_start())).collect();
+    let text = format!("{file}\n{masses}").replacen("sign = \"\"", "source = \"motor_torque\"\nsign = \"\"", 1);
+    let config: Config = parse(&marked::with_examples(&text), "arm").unwrap_or_else(|errors| panic!("{errors}"));
+    let joints = config.dynamics.expect("they are there").joint;
+    assert_eq!((joints[1].viscous_friction_n_m_s_rad, joints[1].coulomb_friction_n_m), (3.0, 1.5));
+    assert!(robot.contains("# coulomb_friction_n_m = nan   # FILL IN: the URDF says none"), "{robot}");
+}
+
+/// What neither plant nor observer takes is marked, and refuses no robot file: friction of a heavy joint
+/// that slides, a link that weighs next to nothing or far too much.
+#[test]
+fn masses_and_friction_out_of_range_are_marked() {
+    for (from, to, expected) in [
+        (
+            "damping=\"3\"",
+            "damping=\"20000\"",
+            "viscous_friction_n_m_s_rad = nan   # FILL IN: the URDF says 20000, accepted: 0 to 10000",
+        ),
+        ("friction=\"1.5\"", "friction=\"1e300\"", "coulomb_friction_n_m = nan   # FILL IN: the URDF says 1e300,"),
+        (
+            "<mass value=\"4\"/>",
+            "<mass value=\"0.0005\"/>",
+            "mass_kg = nan   # FILL IN: the URDF says 0.0005, accepted: 0.001 to 5000",
+        ),
+        ("<mass value=\"4\"/>", "<mass value=\"1e308\"/>", "mass_kg = nan   # FILL IN: the URDF says 1e308,"),
+    ] {
+        assert!(ARM.contains(from), "{from}");
+        let text = ARM.replacen(from, to, 1);
+        for scenario in [true, false] {
+            let printed = import(&text, scenario).unwrap_or_else(|why| panic!("{to}: {why}"));
+            assert!(printed.contains(expected), "{to}: {printed}");
+        }
+    }
+}
+
+/// Extensions are not looked at: a variable of theirs makes no xacro.
+#[test]
+fn an_extension_may_have_variables() {
+    let plugin = "<gazebo><plugin filename=\"${sensors}/a.so\"><link name=\"${b}\"/></plugin></gazebo></robot>";
+    assert_eq!(import(&ARM.replacen("</robot>", plugin, 1), false), import(ARM, false));
 }
 
 /// What urdf-rs knows of later versions: a quaternion in place of angles.

@@ -2,6 +2,7 @@
 //! that. Nothing is judged by the clock: every figure stands beside its reference from the same
 //! run.
 
+mod arms;
 mod cyclictest;
 pub(super) mod figures;
 mod load;
@@ -13,6 +14,7 @@ mod runs;
 use admittance_host::realtime::{RealtimeSection, StepOutcome, StepReport, apply_to_thread, lock_memory};
 
 use admittancectl::Exit;
+use arms::Arm;
 use figures::{Durations, Figures};
 use load::Load;
 use runs::Runs;
@@ -32,7 +34,8 @@ const BLOCKS: u32 = 4;
     given.\n\nreference: lateness of a loop that sleeps until each instant and does nothing. cycle: from the instant of a sample to \
     its answer being visible to the plant. missed: instants after which either took longer than half a cycle.\n\nExit codes: 0 whatever the figures are, 1 no answers, 75 machine too busy to hold contact, 77 measured \
     without SCHED_FIFO for want of permission.\n\nExamples:\n  admittance-lab bench jitter --rate-hz 1000 --seconds 10\n  \
-    admittance-lab bench jitter --rate-hz 4000 --seconds 60 --load --json"
+    admittance-lab bench jitter --rate-hz 4000 --seconds 60 --load --json\n  \
+    admittance-lab bench jitter --arm six --directions 6 --seconds 60"
 )]
 pub(crate) struct Args {
     /// Cycles per second, Hz.
@@ -41,6 +44,12 @@ pub(crate) struct Args {
     /// How long the reference and the daemon each run, s.
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=86400))]
     seconds: u32,
+    /// The arm that presses.
+    #[arg(long, value_enum, default_value_t = Arm::Planar)]
+    arm: Arm,
+    /// How many of x y z rx ry rz give way; as in the arm's file when absent.
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..=6))]
+    directions: Option<u32>,
     /// Beside programs that keep processors and disk busy.
     #[arg(long)]
     load: bool,
@@ -59,12 +68,22 @@ struct Plan {
     budget: u64,
     /// Length of a turn in s.
     turn_s: f64,
+    arm: Arm,
+    /// How many directions give way; as in the arm's file when `None`.
+    directions: Option<u32>,
 }
 
 impl Plan {
     fn of(args: &Args) -> Self {
         let period = 1_000_000_000 / u64::from(args.rate_hz);
-        Self { rate_hz: args.rate_hz, period, budget: period / 2, turn_s: f64::from(args.seconds) / f64::from(BLOCKS) }
+        Self {
+            rate_hz: args.rate_hz,
+            period,
+            budget: period / 2,
+            turn_s: f64::from(args.seconds) / f64::from(BLOCKS),
+            arm: args.arm,
+            directions: args.directions,
+        }
     }
 }
 
@@ -72,6 +91,10 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     ipc_types::quiet_iceoryx2();
     if admittancectl::parallel::processors() < 2 {
         return Err((Exit::Unavailable, "bench jitter needs two processors: one is the plant's".to_owned()));
+    }
+    let most = args.arm.most_directions();
+    if let Some(directions) = args.directions.filter(|directions| *directions as usize > most) {
+        return Err((Exit::Usage, format!("--directions {directions}: this arm has {most}; accepted: 1 to {most}")));
     }
     let plan = Plan::of(args);
     let refused = refusals();

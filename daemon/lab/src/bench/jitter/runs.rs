@@ -10,13 +10,15 @@ use ipc_types::{Motion, Subscriber, TruthSample};
 use plant_sim::scenario::Scenario;
 use toml::{Table, Value};
 
+use super::arms::Motion as Way;
 use super::figures::{Durations, Parts};
 use super::observed::CycleParts;
 use super::{DAEMON_CPU, PLANT_CPU, PRIORITY, Plan};
 use admittancectl::Exit;
-use admittancectl::demo::{CONTROLLERS, SCENARIO};
 use admittancectl::session::Session;
 
+/// Daemon and plant meet there, whatever their files say.
+const INSTANCE: &str = "bench";
 /// Between two looks at the truth: at 5 kHz its buffer holds 0.2 s.
 const POLL: Duration = Duration::from_millis(10);
 /// From the start of the motion to first contact, s.
@@ -89,7 +91,7 @@ impl Runs {
     /// Share of a processor that the daemon's threads take in free motion at 1 kHz, blocking
     /// between samples.
     pub(crate) fn free_motion_cpu_percent(&self) -> Result<f64, (Exit, String)> {
-        let plan = Plan { rate_hz: 1000, period: 1_000_000, budget: 500_000, turn_s: FREE_S };
+        let plan = Plan { rate_hz: 1000, period: 1_000_000, budget: 500_000, turn_s: FREE_S, ..self.plan };
         let mut session = Session::new(&scenario(plan, Surface::None)?.0)?;
         launch(&mut session, plan, Surface::None, "role-daemon", &[])?;
         let (_node, truths) = session.watch(&|| false)?;
@@ -209,10 +211,11 @@ fn launch(
 
 /// The default profile at the rate of the plan.
 fn config(plan: Plan, surface: Surface) -> Result<String, (Exit, String)> {
-    let mut table = parsed(CONTROLLERS[3].config)?;
+    let mut table = parsed(plan.arm.files().0)?;
     let period = Span::from_nanoseconds(plan.period).seconds();
     let budget = Span::from_nanoseconds(plan.budget).seconds();
     let wait = if surface == Surface::None { "event" } else { "hybrid" };
+    set(&mut table, "ipc", "instance", INSTANCE);
     set(&mut table, "control", "sampling_time_s", period);
     set(&mut table, "control", "command_delay_s", budget);
     set(&mut table, "control", "answer_budget_s", budget);
@@ -221,17 +224,24 @@ fn config(plan: Plan, surface: Surface) -> Result<String, (Exit, String)> {
     set(&mut table, "control", "max_consecutive_fallbacks", 20);
     set(&mut table, "control", "spin_s", (period / 4.0).min(300e-6));
     set(&mut table, "control", "wait", wait);
+    if let Some(directions) = plan.directions {
+        let gives_way = (0..plan.arm.most_directions()).map(|axis| Value::Boolean(axis < directions as usize));
+        set(&mut table, "contact", "admittance_axes", gives_way.collect::<Vec<_>>());
+    }
     real_time(&mut table, PRIORITY, DAEMON_CPU);
     Ok(table.to_string())
 }
 
-/// The paper's arm: down to the surface, then along it, to and fro.
+/// Down to the surface, then along it, to and fro.
 fn scenario(plan: Plan, surface: Surface) -> Result<(Scenario, String), (Exit, String)> {
-    let mut table = parsed(SCENARIO)?;
+    let mut table = parsed(plan.arm.files().1)?;
+    let Way { down, there, back } = plan.arm.motion();
+    let at = |speed: f64, way: &[f64]| way.iter().map(|part| speed * part).collect::<Vec<_>>();
+    set(&mut table, "ipc", "instance", INSTANCE);
     set(&mut table, "timing", "sampling_time_s", Span::from_nanoseconds(plan.period).seconds());
     set(&mut table, "timing", "command_delay_s", Span::from_nanoseconds(plan.budget).seconds());
     set(&mut table, "timing", "settle_s", 0.3);
-    let mut phases = vec![(CONTACT_S + SETTLING_S, [0.0, -0.1])];
+    let mut phases = vec![(CONTACT_S + SETTLING_S, at(0.1, &down))];
     match surface {
         Surface::Touched => {
             set(&mut table, "start", "contact_time_s", CONTACT_S);
@@ -239,8 +249,7 @@ fn scenario(plan: Plan, surface: Surface) -> Result<(Scenario, String), (Exit, S
             let length = (plan.turn_s / 60.0).max(0.25);
             let speed = 0.025 / length;
             let count = (plan.turn_s / length).ceil() as usize;
-            // Both press with half the speed, and slide by the same length.
-            let twist = |phase| if phase % 2 == 0 { [speed, -speed] } else { [-1.39 * speed, 0.09 * speed] };
+            let twist = |phase: usize| at(speed, if phase.is_multiple_of(2) { &there } else { &back });
             phases.extend((0..count).map(|phase| (length, twist(phase))));
         }
         Surface::None => {
@@ -249,13 +258,13 @@ fn scenario(plan: Plan, surface: Surface) -> Result<(Scenario, String), (Exit, S
                 start.remove("contact_time_s");
                 start.remove("contact_phase");
             }
-            phases = vec![(plan.turn_s, [0.0, -0.01])];
+            phases = vec![(plan.turn_s, at(0.01, &down))];
         }
     }
-    let phase = |(duration, twist): &(f64, [f64; 2])| {
+    let phase = |(duration, twist): &(f64, Vec<f64>)| {
         let mut phase = Table::new();
         phase.insert("duration_s".to_owned(), Value::Float(*duration));
-        phase.insert("twist".to_owned(), Value::Array(twist.map(Value::Float).to_vec()));
+        phase.insert("twist".to_owned(), Value::Array(twist.iter().copied().map(Value::Float).collect()));
         Value::Table(phase)
     };
     table.insert("motion".to_owned(), Value::Array(phases.iter().map(phase).collect()));
@@ -284,20 +293,23 @@ fn real_time(table: &mut Table, priority: u32, cpu: u32) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::arms::Arm;
     use super::*;
 
     #[test]
     fn files_are_valid_at_every_rate_and_length() {
-        for rate in [100, 250, 1000, 2000, 4000, 5000] {
+        let arms = [(Arm::Planar, None), (Arm::Six, Some(6)), (Arm::Seven, None), (Arm::Eight, Some(1))];
+        for (rate, (arm, directions)) in [100, 250, 1000, 2000, 4000, 5000].into_iter().zip(arms.into_iter().cycle()) {
             for turn_s in [0.25, 2.5, 900.0] {
                 let period = 1_000_000_000 / rate;
-                let plan = Plan { rate_hz: rate as u32, period, budget: period / 2, turn_s };
+                let plan = Plan { rate_hz: rate as u32, period, budget: period / 2, turn_s, arm, directions };
                 for surface in [Surface::Touched, Surface::None] {
                     let text = config(plan, surface).expect("valid");
                     let config = admittance_host::config::parse(&text, "daemon.toml");
                     let config: admittance_runner::config::Config = config.expect("valid");
                     admittance_runner::cycle::build(&config).expect("a controller");
                     let (scenario, _) = scenario(plan, surface).expect("valid");
+                    assert_eq!(config.ipc.instance, scenario.ipc.instance);
                     plant_sim::run::VirtualRun::new(&scenario).expect("a plant");
                 }
             }

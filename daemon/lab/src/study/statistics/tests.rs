@@ -7,8 +7,8 @@ fn case(attainable_share: f64, change: impl Fn(&mut Seen, f64)) -> Case {
     let draw = Draw::new(1, 0).unwrap();
     let limit = draw.normal_force_limit_n();
     let first = FirstActive {
-        joint_position_rad: draw.contact_position_rad,
-        joint_velocity_rad_s: [0.0; 2],
+        joint_position: draw.contact_position.clone(),
+        joint_velocity: vec![0.0; 2],
         normal_force_n: 0.1 * limit,
     };
     let mut seen = Seen {
@@ -21,8 +21,8 @@ fn case(attainable_share: f64, change: impl Fn(&mut Seen, f64)) -> Case {
     };
     change(&mut seen, limit);
     let peak = attainable_share * limit;
-    let runs = [0; Variant::ALL.len()].map(|_| Ok(seen.clone()));
-    Case { draw, attainable_peak_n: Some(Ok(peak)), optimum_n: peak, peak_in_contact_n: None, runs }
+    let runs = Variant::ALL.map(|_| Ok(seen.clone())).to_vec();
+    Case { arm: None, draw, attainable_peak_n: Some(Ok(peak)), optimum_n: peak, peak_in_contact_n: None, runs }
 }
 
 #[test]

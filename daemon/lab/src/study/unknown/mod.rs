@@ -69,7 +69,7 @@ impl Case {
     /// that is told.
     fn settled_error_n(&self, seen: &Seen) -> f64 {
         let normal = self.told.normal();
-        let along = |axis: usize| self.told.minimum_force_n[axis] / normal[axis].max(f64::MIN_POSITIVE);
+        let along = |axis: usize| self.told.minimum_force[axis] / normal[axis].max(f64::MIN_POSITIVE);
         (seen.resting_n - along(0).max(along(1))).abs()
     }
 }
@@ -130,7 +130,7 @@ impl World {
         let draw = self.not_as_told.actual(&told);
         let (config, scenario) = (self.controller(&told)?, self.scenario(&draw)?);
         let seen = run::run(&draw, self.threshold_n(), (&config, &scenario), &mut |_| ());
-        let first = seen.as_ref().ok().and_then(|seen| seen.first_active);
+        let first = seen.as_ref().ok().and_then(|seen| seen.first_active.clone());
         let contact = first.map(|first| closed_loop::contact(&draw, &first));
         let attainable_n = contact.as_ref().and_then(|contact| contact.lowest_peak().ok()).map(|peak| peak.peak_n);
         let has_lost = seen.as_ref().is_ok_and(|seen| seen.accepted() && seen.contact_losses > 0);

@@ -95,7 +95,7 @@ impl NotAsTold {
             return text;
         }
         let bias = self.bias_n * side(draw).signum();
-        let [x, y] = draw.normal().map(|part| -part * bias);
+        let [x, y, _] = draw.normal().map(|part| -part * bias);
         let sensor = format!("[sensor]\nin_base_axes = true\nbias = {:?}\n\n[noise]\n", [x, y, 0.0, 0.0, 0.0, 0.0]);
         text.replace("[noise]\n", &sensor)
     }

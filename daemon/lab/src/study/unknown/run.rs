@@ -68,7 +68,7 @@ pub(super) fn run(
     while let Some(Step { state, command, truth, .. }) = run.step()? {
         let active = state.wrench.iter().any(|force| force.abs() > threshold_n);
         if active && truth.in_contact == 1 && seen.first_active.is_none() {
-            seen.first_active = Some(first_active(&state.joint_position, &state.joint_velocity, &truth));
+            seen.first_active = Some(first_active(2, &state.joint_position, &state.joint_velocity, &truth));
             (losses_before, started) = (truth.contact_losses, state.stamp_ns);
             seen.peak_n = truth.normal_force_n;
         } else if seen.first_active.is_some() {
