@@ -34,7 +34,7 @@ pub struct Options {
     /// The controller's own limits: the largest magnitude of a velocity offset that it accepts on each axis, m/s and
     /// rad/s, x y z rx ry rz. Above 0; INFINITY for none. Less than the daemon's `[limits]` would refuse its stops.
     pub velocity_offset_limit: [f64; TASK_AXES],
-    /// The same for each joint of its joint-space image, rad/s. Above 0; INFINITY for none.
+    /// The same for each joint of its joint-space image, rad/s or m/s. Above 0; INFINITY for none.
     pub joint_velocity_offset_limit: [f64; MAX_JOINTS],
 }
 
