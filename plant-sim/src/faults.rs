@@ -61,6 +61,8 @@ config_enum! {
         DrivesDisabled = "drives_disabled",
         /// The sample claims one joint more than the robot has.
         JointCount = "joint_count",
+        /// The sample says that the joints do not follow what the daemon resolves, though they do.
+        NotFollowing = "not_following",
         /// The plant sees no commands.
         CommandLoss = "command_loss",
     }
@@ -164,6 +166,7 @@ impl Faults {
                 }
                 FaultKind::DrivesDisabled => sample.drives_enabled = 0,
                 FaultKind::JointCount => sample.joint_count += 1,
+                FaultKind::NotFollowing => sample.follows_joint_velocity = 0,
                 FaultKind::Drop | FaultKind::Freeze | FaultKind::Late | FaultKind::Sparse | FaultKind::LateStamp => {}
                 FaultKind::Unnotified | FaultKind::Overrun | FaultKind::SequenceJump | FaultKind::CommandLoss => {}
             }
@@ -236,6 +239,7 @@ mod tests {
             joint_count: 2,
             wrench_valid: 1,
             drives_enabled: 1,
+            follows_joint_velocity: 1,
             wrench: [1.0; 6],
             ..StateSample::zeroed()
         };
@@ -260,6 +264,7 @@ mod tests {
                 "wrench_invalid" => &["wrench", "wrench_valid"],
                 "drives_disabled" => &["drives_enabled"],
                 "joint_count" => &["joint_count"],
+                "not_following" => &["follows_joint_velocity"],
                 other => &[other.split_once('_').expect("nan_ or inf_ and the field").1],
             };
             let mut spoiled = spoiled;

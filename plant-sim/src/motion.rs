@@ -8,20 +8,29 @@ use nalgebra::SVector;
 /// below any pose that a scenario uses: it tells a singular arm from a merely awkward one.
 pub const MINIMUM_RECIPROCAL_CONDITION: f64 = 1e-4;
 
-/// Phases of constant commanded velocity, in whole samples from the start of the motion.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CommandedMotion<const D: usize> {
-    /// First sample after each phase, and the phase's twist in m/s and rad/s.
-    phases: Vec<(i64, SVector<f64, D>)>,
+/// What is commanded in a phase.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Commanded<const N: usize, const D: usize> {
+    /// ṗ0 in m/s and rad/s.
+    pub twist: SVector<f64, D>,
+    /// Joint velocity in rad/s or m/s of which the part counts that leaves the TCP where it is.
+    pub beside: SVector<f64, N>,
 }
 
-impl<const D: usize> CommandedMotion<D> {
+/// Phases of constant commanded velocity, in whole samples from the start of the motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CommandedMotion<const N: usize, const D: usize> {
+    /// First sample after each phase, and what is commanded in it.
+    phases: Vec<(i64, Commanded<N, D>)>,
+}
+
+impl<const N: usize, const D: usize> CommandedMotion<N, D> {
     /// Phases of so many samples each.
-    pub fn new(phases: impl IntoIterator<Item = (i64, SVector<f64, D>)>) -> Self {
+    pub fn new(phases: impl IntoIterator<Item = (i64, Commanded<N, D>)>) -> Self {
         let mut end = 0;
-        let phases = phases.into_iter().map(|(samples, twist)| {
+        let phases = phases.into_iter().map(|(samples, commanded)| {
             end += samples;
-            (end, twist)
+            (end, commanded)
         });
         Self { phases: phases.collect() }
     }
@@ -29,10 +38,17 @@ impl<const D: usize> CommandedMotion<D> {
     /// ṗ0 from the sample with this index (0 = start of the motion) to the next; zero before and
     /// after the motion.
     pub fn twist(&self, index: i64) -> SVector<f64, D> {
-        if index < 0 {
-            return SVector::zeros();
-        }
-        self.phases.iter().find(|(end, _)| index < *end).map_or_else(SVector::zeros, |(_, twist)| *twist)
+        self.at(index).map_or_else(SVector::zeros, |commanded| commanded.twist)
+    }
+
+    /// What is commanded beside it, likewise.
+    pub fn beside(&self, index: i64) -> SVector<f64, N> {
+        self.at(index).map_or_else(SVector::zeros, |commanded| commanded.beside)
+    }
+
+    fn at(&self, index: i64) -> Option<&Commanded<N, D>> {
+        let phases = if index < 0 { &[] } else { &self.phases[..] };
+        phases.iter().find(|(end, _)| index < *end).map(|(_, commanded)| commanded)
     }
 
     /// Number of samples that the motion lasts.
@@ -54,8 +70,26 @@ pub fn joint_velocity<const N: usize, const D: usize>(
     Ok(inverse.joint_velocity(twist))
 }
 
-/// q0 after `duration_s` of the commanded velocity: q̇0 = J⁻¹(q0) ṗ0 by one step of the classic
-/// Runge-Kutta method.
+/// q̇0 at q0: J⁻¹(q0) ṗ0, and of `beside` (rad/s or m/s) the part that leaves the TCP where it is.
+///
+/// # Errors
+/// [`Singular`] when J(q0) has no inverse that can be trusted.
+pub fn commanded_joint_velocity<const N: usize, const D: usize>(
+    chain: &Chain<N>,
+    position: &SVector<f64, N>,
+    twist: &SVector<f64, D>,
+    beside: &SVector<f64, N>,
+) -> Result<SVector<f64, N>, Singular> {
+    if beside.iter().all(|value| *value == 0.0) {
+        return joint_velocity(chain, position, twist);
+    }
+    let kinematics = chain.kinematics(position);
+    let inverse = kinematics.inverse::<D>(MINIMUM_RECIPROCAL_CONDITION)?;
+    Ok(inverse.joint_velocity(&(twist - kinematics.task_jacobian::<D>() * beside)) + beside)
+}
+
+/// q0 after `duration_s` of the commanded velocity: q̇0 of [`commanded_joint_velocity`] by one step of
+/// the classic Runge-Kutta method.
 ///
 /// # Errors
 /// [`Singular`] when the command passes through a singular pose.
@@ -63,15 +97,16 @@ pub fn advance_reference<const N: usize, const D: usize>(
     chain: &Chain<N>,
     position: &SVector<f64, N>,
     twist: &SVector<f64, D>,
+    beside: &SVector<f64, N>,
     duration_s: f64,
 ) -> Result<SVector<f64, N>, Singular> {
-    if twist.iter().all(|value| *value == 0.0) {
+    if twist.iter().chain(beside).all(|value| *value == 0.0) {
         return Ok(*position);
     }
     let half = 0.5 * duration_s;
-    let first = joint_velocity(chain, position, twist)?;
-    let second = joint_velocity(chain, &(position + first * half), twist)?;
-    let third = joint_velocity(chain, &(position + second * half), twist)?;
-    let fourth = joint_velocity(chain, &(position + third * duration_s), twist)?;
+    let first = commanded_joint_velocity(chain, position, twist, beside)?;
+    let second = commanded_joint_velocity(chain, &(position + first * half), twist, beside)?;
+    let third = commanded_joint_velocity(chain, &(position + second * half), twist, beside)?;
+    let fourth = commanded_joint_velocity(chain, &(position + third * duration_s), twist, beside)?;
     Ok(position + (first + (second + third) * 2.0 + fourth) * (duration_s / 6.0))
 }

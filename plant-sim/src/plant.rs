@@ -28,13 +28,13 @@ use crate::faults::FaultKind;
 use crate::joint_loop::JointState;
 use crate::joints::PreparedStep;
 use crate::maxwell::Creep;
-use crate::motion::{MINIMUM_RECIPROCAL_CONDITION, advance_reference};
+use crate::motion::{MINIMUM_RECIPROCAL_CONDITION, advance_reference, commanded_joint_velocity};
 use crate::rigid_body::Overload;
 use crate::seconds;
 use crate::wrench_estimate::{DelayLine, EstimateStep};
 use admittance_client::{Applied, Playback, Reception, Rejection};
 use admittance_core::robot::{Chain, Kinematics};
-use ipc_types::{CommandSample, StateSample, TruthSample};
+use ipc_types::{CommandSample, MAX_JOINTS, StateSample, TruthSample};
 use nalgebra::{SVector, Vector3};
 
 #[derive(Debug, Clone, Copy)]
@@ -70,6 +70,8 @@ pub struct Plant<const N: usize, const D: usize> {
     /// Between the two, where the drives refuse jumps.
     streaming: Option<Streaming<N>>,
     position_reference: SVector<f64, N>,
+    /// q̇0 from the current sample to the next, rad/s or m/s; zero of an arm that follows a twist.
+    velocity_reference: SVector<f64, N>,
     kinematics: Kinematics<N>,
     creep: Creep,
     contact: Contact,
@@ -122,6 +124,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
                 Streaming::new(drives, parameters.first_stamp_ns, parameters.command_delay_ns, longest_ns)
             }),
             position_reference: parameters.start,
+            velocity_reference: SVector::zeros(),
             kinematics,
             creep,
             contact,
@@ -202,7 +205,9 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     /// The commanded position goes on with the twist, and what is then is measured.
     fn lead_on(&mut self, twist: &SVector<f64, D>, cycle_ns: u64) {
         let duration_s = seconds(cycle_ns);
-        match advance_reference(&self.parameters.chain, &self.position_reference, twist, duration_s) {
+        // Of the sample before: the cycle that ends here.
+        let beside = if self.is_commanded() { self.parameters.motion.beside(self.index - 1) } else { SVector::zeros() };
+        match advance_reference(&self.parameters.chain, &self.position_reference, twist, &beside, duration_s) {
             Ok(position) => self.position_reference = position,
             Err(_) => self.singular = true,
         }
@@ -326,7 +331,12 @@ impl<const N: usize, const D: usize> Plant<N, D> {
 
     /// q̇_ref = J⁻¹(q)(ṗ0 + Δṗ), or zero when holding.
     fn update_reference(&mut self, twist: &SVector<f64, D>) {
-        let mut reference = self.reference_of(&self.applied(), twist);
+        let applied = self.applied();
+        let mut reference = if self.parameters.follows_joint_velocity {
+            self.joints_told(&applied)
+        } else {
+            self.reference_of(&applied, twist)
+        };
         let is_braked = self.fault(FaultKind::DrivesDisabled);
         if let Some(streaming) = &mut self.streaming {
             if is_braked {
@@ -342,6 +352,29 @@ impl<const N: usize, const D: usize> Plant<N, D> {
     /// and what they were given. None where the scenario has no `[drives]`.
     pub fn streamed(&self) -> (&[SVector<f64, N>], &[SVector<f64, N>]) {
         self.streaming.as_ref().map_or((&[], &[]), Streaming::of_cycle)
+    }
+
+    /// q̇_ref = q̇0 and what the daemon adds to it, or zero when holding.
+    fn joints_told(&self, applied: &Applied) -> SVector<f64, N> {
+        if *applied == Applied::Hold || self.fault(FaultKind::DrivesDisabled) {
+            return SVector::zeros();
+        }
+        let added = if self.is_jogged() { [0.0; MAX_JOINTS] } else { self.playback.joint_velocity_offset(self.now_ns) };
+        SVector::from_fn(|joint, _| self.velocity_reference[joint] + added[joint])
+    }
+
+    /// What the joints are commanded from the current sample to the next.
+    fn update_velocity_reference(&mut self) {
+        if !self.parameters.follows_joint_velocity {
+            return;
+        }
+        let twist = self.twist_reference();
+        let is_still = self.fault(FaultKind::DrivesDisabled) || !self.is_commanded();
+        let beside = if is_still { SVector::zeros() } else { self.parameters.motion.beside(self.index) };
+        match commanded_joint_velocity(&self.parameters.chain, &self.position_reference, &twist, &beside) {
+            Ok(velocity) => self.velocity_reference = velocity,
+            Err(_) => (self.singular, self.velocity_reference) = (true, SVector::zeros()),
+        }
     }
 
     fn reference_of(&mut self, applied: &Applied, twist: &SVector<f64, D>) -> SVector<f64, N> {

@@ -6,7 +6,7 @@ use admittance_host::ipc_section::IpcSection;
 use admittance_host::realtime::RealtimeSection;
 use admittance_host::robot_description::RobotDescription;
 use admittance_host::twist_section::TwistSection;
-use admittance_host::{config_file, config_section};
+use admittance_host::{config_enum, config_file, config_section};
 
 use crate::drives_section::DrivesSection;
 use crate::egm_section::EgmSection;
@@ -106,6 +106,27 @@ config_section! {
         duration_s: f64, unit "s", range 0.0001..=3600.0;
         /// ṗ0 per task axis, base frame.
         twist: Vec<f64>, unit "m/s, rad/s", range -5.0..=5.0, length 2..=6;
+        /// What the joints of a redundant arm are commanded beside it: of these joint velocities the part
+        /// that leaves the TCP where it is. Needs controller.follows = "joint_velocity".
+        beside_rad_s: Option<Vec<f64>>, unit "rad/s, m/s", range -20.0..=20.0, length 2..=8;
+    }
+}
+
+config_enum! {
+    /// What the joints follow.
+    pub enum FollowsName {
+        /// The twist: ṗ0 plus the velocity offset, by the joint velocity of least norm at each instant.
+        Twist = "twist",
+        /// Their own commanded velocity plus what the daemon adds to it: for its [redundancy].
+        JointVelocity = "joint_velocity",
+    }
+}
+
+config_section! {
+    /// How the motion controller follows commands.
+    pub struct ControllerSection {
+        /// What its joints follow.
+        follows: FollowsName = FollowsName::Twist;
     }
 }
 
@@ -148,6 +169,8 @@ config_section! {
         sensor: Option<SensorSection>;
         /// Sensor noise.
         noise: NoiseSection;
+        /// How the motion controller follows commands.
+        controller: ControllerSection;
         /// Phases of the commanded motion, one after the other.
         motion: Vec<MotionSection>, length 1..=64;
         /// Other programs lead the arm once the motion has begun; the motion then says for how long alone, and its twists
@@ -193,6 +216,14 @@ fn sizes(scenario: &Scenario, _: &str, errors: &mut Vec<ConfigError>) {
     }
     for (index, motion) in scenario.motion.iter().enumerate() {
         check(format!("motion[{index}].twist"), motion.twist.len(), axes, "task axis");
+        if let Some(beside) = &motion.beside_rad_s {
+            check(format!("motion[{index}].beside_rad_s"), beside.len(), joints, "joint");
+        }
+    }
+    let beside = scenario.motion.iter().position(|motion| motion.beside_rad_s.is_some());
+    if let Some(index) = beside.filter(|_| scenario.controller.follows == FollowsName::Twist) {
+        let accepted = "no such key, or controller.follows = \"joint_velocity\"";
+        errors.push(ConfigError::new(format!("motion[{index}].beside_rad_s"), "given", accepted));
     }
     let cycle_s = scenario.timing.sampling_time_s;
     if let Some(egm) = scenario.egm.as_ref().filter(|egm| egm.jitter_s >= cycle_s) {

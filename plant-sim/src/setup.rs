@@ -9,11 +9,11 @@ use crate::environment::SurfaceSection;
 use crate::faults::{Fault, Faults};
 use crate::joint_loop::JointLoop;
 use crate::joints::Joints;
-use crate::motion::{CommandedMotion, MINIMUM_RECIPROCAL_CONDITION};
+use crate::motion::{Commanded, CommandedMotion, MINIMUM_RECIPROCAL_CONDITION};
 use crate::noise::{Noise, NoiseLevels};
 use crate::plant::{Plant, PlantParameters};
 use crate::rigid_body::{Overload, Spring, Unresolved};
-use crate::scenario::Scenario;
+use crate::scenario::{FollowsName, Scenario};
 use crate::seconds;
 use crate::wrench_estimate::WrenchEstimate;
 use crate::wrench_sensor::WrenchSensor;
@@ -144,9 +144,11 @@ pub fn plant<const N: usize, const D: usize>(
             },
             scenario.noise.seed,
         ),
-        motion: CommandedMotion::new(
-            scenario.motion.iter().map(|phase| (in_samples(phase.duration_s), vector(&phase.twist))),
-        ),
+        motion: CommandedMotion::new(scenario.motion.iter().map(|phase| {
+            let beside = phase.beside_rad_s.as_deref().map_or_else(SVector::zeros, joints);
+            (in_samples(phase.duration_s), Commanded { twist: vector(&phase.twist), beside })
+        })),
+        follows_joint_velocity: scenario.controller.follows == FollowsName::JointVelocity,
         faults: Faults::new(
             scenario
                 .fault
@@ -261,6 +263,8 @@ fn free_position<const N: usize, const D: usize>(
         surface: None,
         sensor: None,
         velocity_lag_s: 0.0,
+        // The way of the tool is the same.
+        follows_joint_velocity: false,
         settle_samples: 0,
         wait_for_command: false,
         faults: Faults::default(),

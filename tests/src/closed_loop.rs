@@ -59,8 +59,11 @@ impl Experiment {
     /// The same with phases of (duration in s, ṗ0).
     #[must_use]
     pub fn with_motion(mut self, phases: &[(f64, &[f64])]) -> Self {
-        let section =
-            |(duration_s, twist): &(f64, &[f64])| MotionSection { duration_s: *duration_s, twist: twist.to_vec() };
+        let section = |(duration_s, twist): &(f64, &[f64])| MotionSection {
+            duration_s: *duration_s,
+            twist: twist.to_vec(),
+            beside_rad_s: None,
+        };
         self.scenario.motion = phases.iter().map(section).collect();
         self
     }

@@ -102,6 +102,7 @@ vocabulary! {
         WrenchSaturated = 9 "Its wrench is at the end of the sensor's range.";
         Jump = 10 "A joint is not where it can have moved since the sample before.";
         Unnumbered = 11 "Its sequence is 0: samples count from 1.";
+        NotFollowing = 12 "Its joints do not follow what the law resolves, and it is to resolve redundancy.";
     }
 }
 

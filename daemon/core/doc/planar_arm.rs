@@ -24,6 +24,7 @@ pub(super) fn planar_arm() -> Parameters<2, 2> {
     Parameters {
         chain: Chain::new([joint(0.0), joint(1.0)], frame(1.0, 0.0)).expect("a chain"),
         minimum_reciprocal_condition: 0.01,
+        redundancy: None,
         loops: VelocityLoops::first_order(Vector2::new(0.015, 0.010)),
         wrench_time_constant: Vector2::repeat(0.020),
         wrench_dead_time: Span::default(),

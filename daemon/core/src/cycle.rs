@@ -1,6 +1,6 @@
 //! One cycle, one screen: intake → belief → supervisor → mpc → output.
 
-use admittance_vocabulary::{ModeName, Source};
+use admittance_vocabulary::{ModeName, Motion, Source};
 use nalgebra::{SVector, Vector6};
 
 use crate::belief::{Belief, JointMotion, JointObserver, Snapshot, WayObserver};
@@ -11,6 +11,7 @@ use crate::mpc::{Mpc, Situation, Solution, Verdict};
 use crate::output::{Movement, Output};
 use crate::parameters::{ParameterError, Parameters};
 use crate::quantities::Instant;
+use crate::redundancy::{NullMotion, Wish};
 use crate::robot::Singular;
 use crate::supervisor::{Bridge, EnableRefused, Ending, Mode, ResetRefused, Supervisor, Task};
 use crate::turn::Turn;
@@ -27,6 +28,8 @@ pub struct Controller<const N: usize, const D: usize, S, B> {
     supervisor: Supervisor<D>,
     mpc: Mpc<N, D, S, B>,
     output: Output<N, D>,
+    /// What the joints do beside the task.
+    beside: NullMotion<N>,
     cycles: u64,
 }
 
@@ -46,6 +49,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             supervisor: Supervisor::new(parameters.supervisor()),
             mpc: Mpc::new(parameters.mpc(), solver, storage).ok_or(ParameterError::Storage)?,
             output: Output::new(parameters.output()),
+            beside: NullMotion::new(parameters.null_motion()),
             cycles: 0,
             parameters,
         })
@@ -76,7 +80,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// Takes over the state of `old`, but keeps this controller's parameters.
     pub fn take_over(&mut self, old: &Self) {
         // Without `..`: whoever adds a field must decide here what becomes of it.
-        let Self { parameters: _, intake, belief, joints, way, supervisor, mpc: _, output, cycles } = old;
+        let Self { parameters: _, intake, belief, joints, way, supervisor, mpc: _, output, beside, cycles } = old;
         self.intake.take_over(intake);
         self.belief.take_over(belief);
         self.joints.take_over(joints);
@@ -85,6 +89,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         }
         self.supervisor.take_over(supervisor);
         self.output.take_over(output);
+        self.beside.take_over(beside);
         self.cycles = *cycles;
     }
 
@@ -93,8 +98,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
     /// on. `parameters`: those of this controller, [seen from](Parameters::seen_from) the new frame.
     pub fn turn(&mut self, parameters: &Parameters<N, D>, turn: &Turn) {
         // Without `..`: of a new field somebody has to decide here whether it is of the frame. The MPC begins
-        // its next problem warm from offsets of the old one.
-        let Self { parameters: own, intake, belief, joints, way, supervisor: _, mpc: _, output, cycles: _ } = self;
+        // its next problem warm from offsets of the old one. The null space is of the joints.
+        let Self { parameters: own, intake, belief, joints, way, supervisor: _, mpc: _, output, beside: _, cycles: _ } =
+            self;
         intake.turn(parameters.intake(), turn);
         belief.turn(parameters.belief(), turn);
         joints.turn(&parameters.chain, turn);
@@ -118,20 +124,21 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         now: Instant,
         expired: &mut dyn FnMut() -> bool,
     ) -> CycleOutput<'_, N, D> {
-        let Self { parameters, intake, belief, joints, way, supervisor, mpc, output, cycles } = self;
+        let Self { parameters, intake, belief, joints, way, supervisor, mpc, output, beside, cycles } = self;
         *cycles += 1;
         let sample = match intake.take(event, now) {
             Ok(sample) => sample,
             Err(fault) => return self.step_without_sample(fault, now),
         };
-        let joints = joints.follow(sample, output.under_way());
+        let joints = joints.follow(sample, output.under_way(), beside);
         if parameters.limits.drives.is_some() {
             output.set_turning(turning(parameters, sample, &joints, output));
             if sample.arrival.is_new_run {
                 output.forget_streamed();
             }
         }
-        let way = way.as_mut().and_then(|way| way.follow(sample, &joints, output.under_way(), belief.surface()));
+        let told = (output.under_way(), &*beside);
+        let way = way.as_mut().and_then(|way| way.follow(sample, &joints, told, belief.surface()));
         belief.sense(sample);
         let felt = belief.felt(&sample.wrench, &sample.wrench_covariance);
         supervisor.admit(sample, &felt);
@@ -146,7 +153,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             }
             let singular = match supervisor.mode() {
                 Mode::Contact(_) if supervisor.would_stop_by_model() => {
-                    nearly_singular_ahead(parameters, sample, joints, output)
+                    nearly_singular_ahead(parameters, sample, joints, output, beside)
                 }
                 _ => None,
             };
@@ -156,7 +163,16 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         if matches!(supervisor.mode(), Mode::Idle(_)) {
             belief.release();
         }
-        let predicted = predict(sample, joints, belief, supervisor, mpc, output, expired);
+        match supervisor.mode() {
+            Mode::Idle(_) => beside.stand_by(sample),
+            Mode::Free { .. } | Mode::Contact(_) if supervisor.is_enabled() => {
+                beside.choose(sample, &(sample.twist_reference + output.offset()), Wish::Aim);
+            }
+            Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
+                beside.choose(sample, &sample.twist_reference, Wish::Rest);
+            }
+        }
+        let predicted = predict(sample, (joints, beside), belief, supervisor, mpc, output, expired);
         let movement = predicted.movement.unwrap_or_else(|| match supervisor.mode() {
             Mode::Idle(_) if supervisor.holds() => output.hold(sample.stamp, Some(sample)),
             Mode::Idle(_) => output.rest(sample),
@@ -168,18 +184,36 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
                 output.hold_or_retreat(sample, |twist, speed| belief.retreat_along(twist, speed))
             }
         });
+        if movement.motion == Motion::Hold {
+            beside.stop();
+        }
         output.send(sample.stamp, &movement);
+        beside.send(sample.stamp);
+        let movement = match supervisor.mode() {
+            // The motion controller moves the arm as it is commanded.
+            Mode::Idle(_) => movement,
+            Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
+                beside.shown(movement, sample)
+            }
+        };
         self.answer(movement, &predicted, None)
     }
 
     /// A cycle without a usable sample: nothing is learned and nothing solved.
     fn step_without_sample(&mut self, fault: SampleFault, now: Instant) -> CycleOutput<'_, N, D> {
-        let Self { intake, belief, supervisor, output, .. } = self;
+        let Self { intake, belief, supervisor, output, beside, .. } = self;
         // How the arm turned at the last one is no longer true: a ramp to standstill would never end.
         output.set_turning(SVector::zeros());
         let (last, surface) = (intake.last(), belief.surface());
         let can_retreat = last.is_some_and(|last| output.can_retreat(&last.twist_reference, surface));
-        let movement = match (supervisor.bridge(&fault, now, intake.silence(now), can_retreat), last) {
+        let bridge = supervisor.bridge(&fault, now, intake.silence(now), can_retreat);
+        match (bridge, last) {
+            // A plan goes on with what the joints do beside it.
+            (Bridge::Ramp | Bridge::Plan, _) => {}
+            (Bridge::Retreat, Some(last)) => beside.choose(last, &last.twist_reference, Wish::Rest),
+            (Bridge::Retreat | Bridge::Rest | Bridge::Hold, _) => beside.stop(),
+        }
+        let movement = match (bridge, last) {
             (Bridge::Ramp, Some(last)) => output.play_ramp(now, last),
             (Bridge::Plan, Some(last)) if supervisor.is_stopping() => output.play_plan_in_stop(now, last, surface),
             (Bridge::Plan, Some(last)) => output.play_plan(now, last),
@@ -187,12 +221,17 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             (Bridge::Rest, _) => output.rest_without_sample(now),
             (Bridge::Hold | Bridge::Ramp | Bridge::Plan | Bridge::Retreat, last) => output.hold(now, last),
         };
+        let shown = match (bridge, last) {
+            (Bridge::Ramp | Bridge::Plan | Bridge::Retreat, Some(last)) => beside.shown(movement, last),
+            (Bridge::Rest | Bridge::Hold, _) | (_, None) => movement,
+        };
         // A stopped arm may retreat from where it is believed to be: that takes a person.
         if matches!(supervisor.mode(), Mode::Idle(_)) {
             intake.forget_position();
         }
         output.send(now, &movement);
-        self.answer(movement, &Predicted::nothing(), Some(fault))
+        beside.send(now);
+        self.answer(shown, &Predicted::nothing(), Some(fault))
     }
 
     fn answer(
@@ -324,9 +363,13 @@ fn nearly_singular_ahead<const N: usize, const D: usize>(
     sample: &Accepted<N, D>,
     joints: JointMotion<N>,
     output: &Output<N, D>,
+    beside: &NullMotion<N>,
 ) -> Option<Singular> {
     let Parameters { chain, loops, timing, minimum_reciprocal_condition, .. } = parameters;
-    let reference = sample.posture.inverse(0.0).ok()?.joint_velocity(&(sample.twist_reference + output.offset()));
+    let mut reference = sample.posture.inverse(0.0).ok()?.joint_velocity(&(sample.twist_reference + output.offset()));
+    if let Some(beside) = beside.latest() {
+        reference += beside;
+    }
     let acting = loops.dead_time.add_scalar((timing.command_delay + timing.sampling_time).seconds());
     let [by_velocity, by_acceleration, _] = loops.until_rest();
     let way = by_velocity.component_mul(&joints.velocity)
@@ -356,10 +399,10 @@ fn turning<const N: usize, const D: usize>(
 }
 
 /// Contact and stop: asks the MPC for what the mode wants, a second time where the first answer is
-/// that the contact cannot go on.
+/// that the contact cannot go on. The joints move like this, and do that beside the task.
 fn predict<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>>(
     sample: &Accepted<N, D>,
-    joints: JointMotion<N>,
+    (joints, beside): (JointMotion<N>, &NullMotion<N>),
     belief: &Belief<D>,
     supervisor: &mut Supervisor<D>,
     mpc: &mut Mpc<N, D, S, B>,
@@ -370,7 +413,7 @@ fn predict<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>>(
     if supervisor.task().is_none() {
         return predicted;
     }
-    let Ok(situation) = Situation::new(sample, belief, output, joints) else { return predicted };
+    let Ok(situation) = Situation::new(sample, belief, output, joints, beside) else { return predicted };
     loop {
         if supervisor.is_overdue(sample.stamp) || (supervisor.is_stopping() && mpc.may_rest(&situation)) {
             supervisor.rest(sample.stamp);

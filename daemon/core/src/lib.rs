@@ -67,6 +67,7 @@
 //!     joint_position: above,
 //!     joint_velocity: Vector2::zeros(),
 //!     joint_position_reference: above,
+//!     joint_velocity_reference: None,
 //!     twist_reference: Vector2::new(0.0, -0.05),
 //!     wrench: GivenWrench(Vector6::zeros()),
 //!     torque_valid: false,
@@ -98,6 +99,7 @@ pub mod mpc;
 pub mod output;
 mod parameters;
 pub mod quantities;
+pub mod redundancy;
 pub mod robot;
 pub mod supervisor;
 pub mod surface;

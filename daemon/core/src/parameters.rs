@@ -9,6 +9,7 @@ use crate::mpc::condensation::{Capacity, MAX_ROWS};
 use crate::mpc::{self, Discretization, LowerBound, Options, SolverCapacity};
 use crate::output::{self, Law, MAX_STEPS};
 use crate::quantities::Span;
+use crate::redundancy::{self, Redundancy};
 use crate::robot::{Chain, DriveLimits, MotionLimits, VelocityLoops};
 use crate::supervisor::{self, Guards, Policy};
 use crate::surface::Surface;
@@ -37,6 +38,9 @@ pub struct Parameters<const N: usize, const D: usize> {
     /// Reciprocal condition number of J below which the pose counts as singular; in contact a
     /// minimum-force stop begins there.
     pub minimum_reciprocal_condition: f64,
+    /// What the joints do beside the task; `None` leaves the resolution of a twist to the motion controller,
+    /// by the least norm.
+    pub redundancy: Option<Redundancy<N>>,
     /// The joint speed loops.
     pub loops: VelocityLoops<N>,
     /// T_est per axis in s; 0 for ideal force measurement.
@@ -99,6 +103,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             timing: self.timing,
             conditioning: self.conditioning,
             wrench_time_constant: self.wrench_time_constant,
+            resolves: self.redundancy.is_some(),
             joint_speed: self.limits.joint_speed,
             source: self.wrench_source,
             // A force that may be off by more than its limit says nothing of it. The limit is kept by f̂ as it
@@ -140,6 +145,10 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             }
             ContactPoint::Learned(_) => true,
         }
+    }
+
+    pub(crate) fn null_motion(&self) -> redundancy::Settings<N> {
+        redundancy::Settings::new(self.redundancy, &self.limits, self.timing)
     }
 
     pub(crate) fn supervisor(&self) -> supervisor::Settings<D> {

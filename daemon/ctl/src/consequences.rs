@@ -182,6 +182,31 @@ fn drives(config: &Config) -> Option<String> {
     ))
 }
 
+/// Which joint velocity is taken for a twist, where the motion controller leaves that to the daemon.
+fn redundancy(config: &Config) -> Option<String> {
+    let section = &config.redundancy;
+    if !section.is_told() {
+        return None;
+    }
+    let each = |values: &[f64]| values.iter().copied().map(short).collect::<Vec<_>>().join(", ");
+    let mut said = vec![match &section.joint_weights {
+        Some(weights) => format!("\"{}\" with the weights {}", section.resolution, each(weights)),
+        None => format!("\"{}\", all joints weighted alike", section.resolution),
+    }];
+    said.push(match section.margin(config) {
+        Some(margin) => {
+            format!("joints are kept {} rad or m from their limits as long as others can move", each(&margin))
+        }
+        None => "limits of position are the MPC's alone".to_owned(),
+    });
+    if let (Some(factor), Some(below)) = (section.damping_factor, section.damping_below) {
+        let (factor, below) = (short(factor), short(below));
+        said.push(format!("damped by up to {factor} where the reciprocal condition number is below {below}"));
+    }
+    said.push("the motion controller has to say follows_joint_velocity = 1".to_owned());
+    Some(format!("redundancy: {}", said.join("; ")))
+}
+
 /// What the controller believes of the arm.
 fn belief(config: &Config) -> Vec<String> {
     let (robot, control) = (&config.robot, &config.control);
@@ -204,6 +229,7 @@ fn belief(config: &Config) -> Vec<String> {
         config.contact.wrench_time_constant_s, config.contact.wrench_dead_time_s
     ));
     lines.extend(surface(config));
+    lines.extend(redundancy(config));
     lines.push(format!(
         "a command acts {} s after its sample{}",
         control.command_delay_s,

@@ -30,7 +30,7 @@ const RESIDUAL_FACTOR: f64 = 1e3;
 ///
 /// The configuration has passed its checks: lengths and ranges are as declared.
 pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cycle: u32) -> Option<Parameters<N, D>> {
-    let chain = config.robot.chain::<N>()?;
+    let chain = config.robot.chain::<N>()?.with_resolution(config.redundancy.inverse()?);
     let vector = |values: &[f64]| (values.len() == D).then(|| SVector::<f64, D>::from_column_slice(values));
     let joints = |values: &[f64]| (values.len() == N).then(|| SVector::<f64, N>::from_column_slice(values));
     let (contact, mpc, limits) = (&config.contact, &config.mpc, &config.limits);
@@ -79,6 +79,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
     Some(Parameters {
         chain,
         minimum_reciprocal_condition: config.control.minimum_reciprocal_condition,
+        redundancy: config.redundancy.beside(config)?,
         loops,
         wrench_time_constant: vector(&contact.wrench_time_constant_s)?,
         wrench_dead_time: Span::from_seconds(contact.wrench_dead_time_s),

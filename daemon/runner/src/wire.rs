@@ -24,6 +24,7 @@ pub(crate) fn sample<const N: usize, const D: usize>(state: &StateSample, frame:
         joint_position: joints(&state.joint_position),
         joint_velocity: joints(&state.joint_velocity),
         joint_position_reference: joints(&state.joint_position_reference),
+        joint_velocity_reference: (state.follows_joint_velocity == 1).then(|| joints(&state.joint_velocity_reference)),
         twist_reference: frame.twist(SVector::from_fn(|axis, _| state.twist_reference[axis])),
         wrench: GivenWrench(state.wrench.into()),
         torque_valid: state.torque_valid == 1,
@@ -50,6 +51,13 @@ pub(crate) fn write_answer<const N: usize, const D: usize>(
     write_verdict(command, &outcome.verdict);
     command.velocity_offset = padded(frame.twist_in_base(outcome.movement.velocity_offset).as_slice());
     command.joint_velocity_offset = padded(outcome.movement.joint_velocity_offset.as_slice());
+    command.joint_per_twist = [[0.0; ipc_types::TASK_AXES]; ipc_types::MAX_JOINTS];
+    if let Some(matrix) = &outcome.movement.joint_per_twist {
+        for (row, joint) in command.joint_per_twist.iter_mut().zip(matrix.row_iter()) {
+            // What it is multiplied with turns, and so does it.
+            *row = padded(frame.twist_in_base(joint.transpose()).as_slice());
+        }
+    }
     command.twist_command = padded(frame.twist_in_base(outcome.movement.twist_command).as_slice());
     let steps = answer.plan.steps();
     command.plan_length = steps.len() as u32;

@@ -24,6 +24,8 @@ impl ServiceThread {
             ("robot", new.robot == self.config.robot),
             ("control", control == self.config.control),
             ("realtime", new.realtime == self.config.realtime),
+            // The joints would jump from one way of moving to the other.
+            ("redundancy", new.redundancy == self.config.redundancy),
         ];
         let changed: Vec<&str> = fixed.iter().filter(|(_, same)| !same).map(|(section, _)| *section).collect();
         if !changed.is_empty() {

@@ -173,7 +173,8 @@ void admittance_client_close(struct admittance_client *client);
 /*
  A cycle begins whose state was measured at `stamp_ns` of CLOCK_MONOTONIC. Fills in who the sample is from (sequence,
  stamp, boot, joints, the command in force; plays_plan = 1) and sets the rest to 0: positions, velocities, references,
- wrench, wrench_valid, joint_torque, torque_valid and drives_enabled are the caller's to set.
+ wrench, wrench_valid, joint_torque, torque_valid, follows_joint_velocity, joint_velocity_reference and drives_enabled are
+ the caller's to set.
 
  # Safety
  `client` is a handle that no other thread uses; `sample` points to room for a sample.
@@ -215,6 +216,20 @@ admittance_status admittance_client_receive(struct admittance_client *client, ui
 admittance_status admittance_client_apply(struct admittance_client *client,
                                           uint64_t now_ns,
                                           struct admittance_instruction *instruction);
+
+/*
+ What the joints of a controller add to joint_velocity_reference at `now_ns`, rad/s or m/s of a prismatic joint, after
+ admittance_client_apply at that instant: of one that says follows_joint_velocity = 1 in its samples, and leaves to the
+ daemon how a twist moves its joints. Zeros while the instruction is to hold: then the joint velocity is zero, whatever
+ the reference is.
+
+ # Safety
+ `client` is a handle that no other thread uses; `joint_velocity_offset` points to room for ADMITTANCED_MAX_JOINTS
+ numbers.
+ */
+admittance_status admittance_client_joint_velocity_offset(struct admittance_client *client,
+                                                          uint64_t now_ns,
+                                                          double *joint_velocity_offset);
 
 /*
  Makes room for the next sample, so that admittance_client_publish finds it: once per cycle, when the answer has been

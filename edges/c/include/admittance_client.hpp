@@ -104,6 +104,10 @@ class client {
         instruction.motion = ADMITTANCED_MOTION_HOLD;
         return admittance_client_apply(handle_.get(), now_ns, &instruction);
     }
+    // What the joints add to their commanded velocity: with follows_joint_velocity = 1. ADMITTANCED_MAX_JOINTS numbers.
+    admittance_status joint_velocity_offset(std::uint64_t now_ns, double *offset) noexcept {
+        return admittance_client_joint_velocity_offset(handle_.get(), now_ns, offset);
+    }
     admittance_status make_ready() noexcept { return admittance_client_make_ready(handle_.get()); }
     admittance_status newest(admittanced_command_sample &command) noexcept {
         return admittance_client_newest(handle_.get(), &command);

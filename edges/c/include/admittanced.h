@@ -135,6 +135,7 @@
 #define ADMITTANCED_FAULT_WRENCH_SATURATED 9u /* Its wrench is at the end of the sensor's range. */
 #define ADMITTANCED_FAULT_JUMP 10u /* A joint is not where it can have moved since the sample before. */
 #define ADMITTANCED_FAULT_UNNUMBERED 11u /* Its sequence is 0: samples count from 1. */
+#define ADMITTANCED_FAULT_NOT_FOLLOWING 12u /* Its joints do not follow what the law resolves, and it is to resolve redundancy. */
 
 /* TaskAxis A task axis: a direction of the task frame, which is the base frame unless the daemon is told otherwise. An arm has the first D of them. */
 #define ADMITTANCED_TASK_AXIS_X 0u /* Along x of the task frame: metres, newtons. */
@@ -181,10 +182,12 @@ typedef struct admittanced_state_sample {
     double joint_torque[8];
     /* 1 when joint_torque may be used; 0 = there is none, or it failed. Only wrench.source = "motor_torque" of the daemon looks at it. Unit: 1. Range: 0 or 1. */
     uint32_t torque_valid;
-    /* Not used: zero. Unit: 1. Range: 0. */
-    uint32_t reserved;
+    /* 1 when the joints follow joint_velocity_reference plus joint_velocity_offset of the command, which [redundancy] of the daemon needs; 0 = the motion controller resolves twist_reference plus velocity_offset itself, by the joint velocity of least norm. Unit: 1. Range: 0 or 1. */
+    uint32_t follows_joint_velocity;
+    /* Commanded joint velocities without any offset: those that bring about twist_reference, and whatever the joints do beside it. Looked at when follows_joint_velocity = 1 alone. Unit: rad/s or m/s. Range: finite when follows_joint_velocity = 1. */
+    double joint_velocity_reference[8];
 } admittanced_state_sample;
-ADMITTANCED_ASSERT(sizeof(admittanced_state_sample) == 408, "admittanced_state_sample");
+ADMITTANCED_ASSERT(sizeof(admittanced_state_sample) == 472, "admittanced_state_sample");
 ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_state_sample) == 8, "admittanced_state_sample");
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, sequence) == 0, "admittanced_state_sample.sequence");
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, stamp_ns) == 8, "admittanced_state_sample.stamp_ns");
@@ -201,10 +204,11 @@ ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, twist_reference) == 240, "
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, wrench) == 288, "admittanced_state_sample.wrench");
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, joint_torque) == 336, "admittanced_state_sample.joint_torque");
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, torque_valid) == 400, "admittanced_state_sample.torque_valid");
-ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, reserved) == 404, "admittanced_state_sample.reserved");
+ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, follows_joint_velocity) == 404, "admittanced_state_sample.follows_joint_velocity");
+ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, joint_velocity_reference) == 408, "admittanced_state_sample.joint_velocity_reference");
 
 /* The answer to one state sample: the velocity offset, the plan behind it, and why. Written by admittanced. */
-#define ADMITTANCED_COMMAND_SAMPLE_TYPE_NAME "admittanced.CommandSample.v1"
+#define ADMITTANCED_COMMAND_SAMPLE_TYPE_NAME "admittanced.CommandSample.v2"
 typedef struct admittanced_command_sample {
     /* Number of this command; restarts at 1 with a new boot_id. Unit: 1. Range: >= 1, one more with every command. */
     uint64_t sequence;
@@ -254,7 +258,7 @@ typedef struct admittanced_command_sample {
     double verdict_margin;
     /* Velocity offset to add to the twist reference, base frame, at the TCP. It counts when motion = Offset. Unit: m/s, rad/s. Range: finite. */
     double velocity_offset[6];
-    /* Joint-space image of the velocity offset at the measured pose: inverse Jacobian times velocity_offset. Unit: rad/s or m/s. Range: finite. */
+    /* Joint-space image of the velocity offset at the measured pose: inverse Jacobian times velocity_offset. To a controller with follows_joint_velocity = 1: what its joints add to joint_velocity_reference, so that they move as the daemon's [redundancy] has it; 0 while the daemon is not in control. Unit: rad/s or m/s. Range: finite. */
     double joint_velocity_offset[8];
     /* Twist reference of the answered sample plus velocity_offset; zero when motion = Hold. Unit: m/s, rad/s. Range: finite. */
     double twist_command[6];
@@ -262,8 +266,10 @@ typedef struct admittanced_command_sample {
     uint64_t plan_end_ns[32];
     /* Velocity offset of each plan step, like velocity_offset, which equals the first step. Unit: m/s, rad/s. Range: finite; 0 after plan_length steps. */
     double planned_offset[32][6];
+    /* To a controller with follows_joint_velocity = 1: the inverse Jacobian that joint_velocity_offset was made with, a row for each joint, over x y z rx ry rz in the base frame. In plan step i the joints add joint_velocity_offset plus it times (planned_offset[i] minus velocity_offset). 0 to others. Unit: rad/m, 1, or of a prismatic joint 1, m/rad. Range: finite. */
+    double joint_per_twist[8][6];
 } admittanced_command_sample;
-ADMITTANCED_ASSERT(sizeof(admittanced_command_sample) == 2096, "admittanced_command_sample");
+ADMITTANCED_ASSERT(sizeof(admittanced_command_sample) == 2480, "admittanced_command_sample");
 ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_command_sample) == 8, "admittanced_command_sample");
 ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, sequence) == 0, "admittanced_command_sample.sequence");
 ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, stamp_ns) == 8, "admittanced_command_sample.stamp_ns");
@@ -293,6 +299,7 @@ ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, joint_velocity_offset) =
 ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, twist_command) == 256, "admittanced_command_sample.twist_command");
 ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, plan_end_ns) == 304, "admittanced_command_sample.plan_end_ns");
 ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, planned_offset) == 560, "admittanced_command_sample.planned_offset");
+ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, joint_per_twist) == 2096, "admittanced_command_sample.joint_per_twist");
 
 /* What only the simulated plant knows, unlike a real robot: true forces, and when commands became visible. Written by plant-sim only. */
 #define ADMITTANCED_TRUTH_SAMPLE_TYPE_NAME "admittanced.TruthSample.v1"
@@ -593,7 +600,7 @@ typedef struct admittanced_record_sample {
     /* Standard deviation of wrench where it follows from motor torques; 0 of a wrench that the state sample gives. Unit: N, N m. Range: >= 0. */
     double wrench_deviation[6];
 } admittanced_record_sample;
-ADMITTANCED_ASSERT(sizeof(admittanced_record_sample) == 3184, "admittanced_record_sample");
+ADMITTANCED_ASSERT(sizeof(admittanced_record_sample) == 3632, "admittanced_record_sample");
 ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_record_sample) == 8, "admittanced_record_sample");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, sequence) == 0, "admittanced_record_sample.sequence");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, now_ns) == 8, "admittanced_record_sample.now_ns");
@@ -629,13 +636,13 @@ ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, tool_acceleration) == 352
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, joint_velocity) == 400, "admittanced_record_sample.joint_velocity");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, joint_acceleration) == 464, "admittanced_record_sample.joint_acceleration");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, state) == 528, "admittanced_record_sample.state");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, command) == 936, "admittanced_record_sample.command");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, exceeded_count) == 3032, "admittanced_record_sample.exceeded_count");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_without_lag) == 3040, "admittanced_record_sample.wrench_without_lag");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_n_m) == 3088, "admittanced_record_sample.believed_stiffness_n_m");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_band_n_m) == 3096, "admittanced_record_sample.believed_stiffness_band_n_m");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_normal) == 3112, "admittanced_record_sample.believed_normal");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_deviation) == 3136, "admittanced_record_sample.wrench_deviation");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, command) == 1000, "admittanced_record_sample.command");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, exceeded_count) == 3480, "admittanced_record_sample.exceeded_count");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_without_lag) == 3488, "admittanced_record_sample.wrench_without_lag");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_n_m) == 3536, "admittanced_record_sample.believed_stiffness_n_m");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_band_n_m) == 3544, "admittanced_record_sample.believed_stiffness_band_n_m");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_normal) == 3560, "admittanced_record_sample.believed_normal");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_deviation) == 3584, "admittanced_record_sample.wrench_deviation");
 
 /* How the daemon is doing: a few times a second. Written by admittanced (service thread). */
 #define ADMITTANCED_DIAGNOSTICS_SAMPLE_TYPE_NAME "admittanced.DiagnosticsSample.v4"

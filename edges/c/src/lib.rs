@@ -12,7 +12,7 @@ use std::ffi::{c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use admittance_client::{Applied, Controller, Reception};
-use ipc_types::{CommandSample, Motion, StateSample, TASK_AXES, quiet_iceoryx2};
+use ipc_types::{CommandSample, MAX_JOINTS, Motion, StateSample, TASK_AXES, quiet_iceoryx2};
 
 pub use options::{ABI_VERSION, Options};
 pub use status::Status;
@@ -129,7 +129,8 @@ pub unsafe extern "C" fn admittance_client_close(client: *mut Client) {
 
 /// A cycle begins whose state was measured at `stamp_ns` of CLOCK_MONOTONIC. Fills in who the sample is from (sequence,
 /// stamp, boot, joints, the command in force; plays_plan = 1) and sets the rest to 0: positions, velocities, references,
-/// wrench, wrench_valid, joint_torque, torque_valid and drives_enabled are the caller's to set.
+/// wrench, wrench_valid, joint_torque, torque_valid, follows_joint_velocity, joint_velocity_reference and drives_enabled are
+/// the caller's to set.
 ///
 /// # Safety
 /// `client` is a handle that no other thread uses; `sample` points to room for a sample.
@@ -215,6 +216,35 @@ pub unsafe extern "C" fn admittance_client_apply(
     };
     // SAFETY: the caller gives a handle of its own.
     unsafe { within(client, apply) }
+}
+
+/// What the joints of a controller add to joint_velocity_reference at `now_ns`, rad/s or m/s of a prismatic joint, after
+/// admittance_client_apply at that instant: of one that says follows_joint_velocity = 1 in its samples, and leaves to the
+/// daemon how a twist moves its joints. Zeros while the instruction is to hold: then the joint velocity is zero, whatever
+/// the reference is.
+///
+/// # Safety
+/// `client` is a handle that no other thread uses; `joint_velocity_offset` points to room for ADMITTANCED_MAX_JOINTS
+/// numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn admittance_client_joint_velocity_offset(
+    client: *mut Client,
+    now_ns: u64,
+    joint_velocity_offset: *mut f64,
+) -> Status {
+    if joint_velocity_offset.is_null() {
+        return Status::InvalidArgument;
+    }
+    let offset = joint_velocity_offset.cast::<[f64; MAX_JOINTS]>();
+    // SAFETY: the caller gives room for that many.
+    unsafe { offset.write_unaligned([0.0; MAX_JOINTS]) };
+    // SAFETY: as above.
+    let write = |client: &mut Client| unsafe {
+        offset.write_unaligned(client.controller.joint_velocity_offset(now_ns));
+        Status::Ok
+    };
+    // SAFETY: the caller gives a handle of its own.
+    unsafe { within(client, write) }
 }
 
 /// Makes room for the next sample, so that admittance_client_publish finds it: once per cycle, when the answer has been

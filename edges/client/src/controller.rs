@@ -156,6 +156,12 @@ impl Controller {
         self.playback.applied(now_ns)
     }
 
+    /// What the joints add to their commanded velocity then, rad/s or m/s, after [`Self::apply`]: of a controller that
+    /// says `follows_joint_velocity = 1` in its samples.
+    pub fn joint_velocity_offset(&self, now_ns: u64) -> [f64; MAX_JOINTS] {
+        self.playback.joint_velocity_offset(now_ns)
+    }
+
     /// The next instant after `now_ns` at which [`Self::apply`] says something else; `None` while nothing is due.
     pub fn next_change(&self, now_ns: u64) -> Option<u64> {
         let changes = [self.playback.next_due(), self.playback.next_change(now_ns)];

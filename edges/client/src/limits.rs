@@ -2,6 +2,7 @@
 
 use ipc_types::{CommandSample, MAX_JOINTS, TASK_AXES};
 
+use crate::playback::in_joints;
 use crate::rejection::Rejection;
 
 /// The largest magnitudes that are accepted; a command beyond one of them is refused, not cut.
@@ -9,7 +10,8 @@ use crate::rejection::Rejection;
 pub struct Limits {
     /// Of each axis of the velocity offset, planned ones included, m/s and rad/s.
     pub velocity_offset: [f64; TASK_AXES],
-    /// Of each joint of the offset's joint-space image, rad/s; m/s of one that slides.
+    /// Of each joint of the offset's joint-space image, rad/s (m/s of one that slides); to a controller that says `follows_joint_velocity = 1`
+    /// of all that its joints add to their commanded velocity, in every step of the plan.
     pub joint_velocity_offset: [f64; MAX_JOINTS],
 }
 
@@ -54,7 +56,16 @@ impl Limits {
         let planned = &command.planned_offset[..command.plan_length as usize];
         let found = beyond("velocity_offset", &command.velocity_offset, &self.velocity_offset)
             .or_else(|| beyond("joint_velocity_offset", &command.joint_velocity_offset, &self.joint_velocity_offset))
-            .or_else(|| planned.iter().find_map(|offset| beyond("planned_offset", offset, &self.velocity_offset)));
+            .or_else(|| planned.iter().find_map(|offset| beyond("planned_offset", offset, &self.velocity_offset)))
+            .or_else(|| {
+                // To joints that follow what the daemon resolves every step is told as well.
+                let is_resolved = command.joint_per_twist.iter().flatten().any(|value| *value != 0.0);
+                let joints = &self.joint_velocity_offset;
+                planned
+                    .iter()
+                    .filter(|_| is_resolved)
+                    .find_map(|offset| beyond("joint_velocity_offset", &in_joints(command, offset), joints))
+            });
         found.map_or(Ok(()), Err)
     }
 }

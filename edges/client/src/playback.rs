@@ -4,7 +4,7 @@
 
 use std::collections::VecDeque;
 
-use ipc_types::{CommandSample, Motion, TASK_AXES};
+use ipc_types::{CommandSample, MAX_JOINTS, Motion, TASK_AXES};
 
 use crate::limits::Limits;
 use crate::rejection::{Rejection, check};
@@ -184,6 +184,15 @@ impl Playback {
         })
     }
 
+    /// What the joints add to their commanded velocity at the instant `now_ns`, rad/s or m/s: of a controller that says
+    /// `follows_joint_velocity = 1`. 0 before the first command ever, and without meaning while [`Self::applied`] holds.
+    pub fn joint_velocity_offset(&self, now_ns: u64) -> [f64; MAX_JOINTS] {
+        let (Some(command), Applied::Offset(offset)) = (&self.in_force, self.applied(now_ns)) else {
+            return [0.0; MAX_JOINTS];
+        };
+        in_joints(command, &offset)
+    }
+
     /// The next instant after `now_ns` at which the command in force changes what it says; `None`
     /// when it does not.
     pub fn next_change(&self, now_ns: u64) -> Option<u64> {
@@ -236,4 +245,15 @@ impl Playback {
     pub fn rejected(&self) -> u64 {
         self.rejected
     }
+}
+
+/// What the joints of such a controller add to their commanded velocity while this offset is in force, rad/s or m/s.
+pub(crate) fn in_joints(command: &CommandSample, offset: &[f64; TASK_AXES]) -> [f64; MAX_JOINTS] {
+    let mut joints = command.joint_velocity_offset;
+    for (joint, row) in joints.iter_mut().zip(&command.joint_per_twist) {
+        for axis in 0..TASK_AXES {
+            *joint += row[axis] * (offset[axis] - command.velocity_offset[axis]);
+        }
+    }
+    joints
 }

@@ -97,10 +97,11 @@ pub(crate) fn check(command: &CommandSample, joint_count: u32, limits: &Limits) 
         return Err(Rejection::Plan { length: command.plan_length, sequence });
     }
     let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
-    let fields: [(&'static str, bool); 4] = [
+    let fields: [(&'static str, bool); 5] = [
         ("velocity_offset", finite(&command.velocity_offset)),
         ("joint_velocity_offset", finite(&command.joint_velocity_offset)),
         ("twist_command", finite(&command.twist_command)),
+        ("joint_per_twist", command.joint_per_twist.iter().all(|row| finite(row))),
         ("planned_offset", command.planned_offset[..length].iter().all(|offset| finite(offset))),
     ];
     if let Some((field, _)) = fields.into_iter().find(|(_, finite)| !finite) {

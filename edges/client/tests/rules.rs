@@ -33,10 +33,12 @@ fn playback(samples: u64, limits: Limits) -> Playback {
 fn a_command_beyond_the_controllers_own_limits_is_refused_and_the_plan_before_it_goes_on() {
     let limits = Limits { velocity_offset: [0.1; 6], joint_velocity_offset: [0.5; 8] };
     type Spoil = fn(&mut CommandSample);
-    let spoils: [(&str, usize, Spoil); 3] = [
+    let spoils: [(&str, usize, Spoil); 4] = [
         ("velocity_offset", 0, |command| command.velocity_offset[0] = -0.11),
         ("joint_velocity_offset", 1, |command| command.joint_velocity_offset[1] = 0.6),
         ("planned_offset", 1, |command| command.planned_offset[1][1] = 0.11),
+        // 0.03 m/s more in the second step, by joints that the daemon resolves.
+        ("joint_velocity_offset", 1, |command| command.joint_per_twist[1][1] = -20.0),
     ];
     for (name, place, spoil) in spoils {
         let mut playback = playback(1, limits);
@@ -53,6 +55,22 @@ fn a_command_beyond_the_controllers_own_limits_is_refused_and_the_plan_before_it
         assert_eq!(offset[1], 0.08, "the second step of the plan before");
         assert_eq!(playback.applied(answer(1).valid_until_ns), Applied::Hold);
     }
+}
+
+#[test]
+fn joints_that_follow_are_told_every_step_of_the_plan() {
+    let mut playback = playback(1, Limits::NONE);
+    assert_eq!(playback.joint_velocity_offset(stamp(1)), [0.0; 8], "no command yet");
+    let mut command = answer(1);
+    (command.joint_velocity_offset[0], command.joint_velocity_offset[1]) = (0.3, -0.1);
+    (command.joint_per_twist[0][1], command.joint_per_twist[1][1]) = (2.0, -1.0);
+    assert_eq!(playback.receive(&command, stamp(1)), Ok(Reception::InTime));
+    let acts = stamp(1) + DELAY_NS;
+    playback.apply_due(acts);
+    assert_eq!(playback.joint_velocity_offset(acts)[..3], [0.3, -0.1, 0.0], "the first step, to the bit");
+    let second = playback.joint_velocity_offset(acts + SAMPLING_TIME_NS);
+    assert!((second[0] - 0.36).abs() < 1e-12 && (second[1] + 0.13).abs() < 1e-12, "{second:?}");
+    assert_eq!(playback.joint_velocity_offset(command.valid_until_ns), [0.0; 8], "held");
 }
 
 #[test]

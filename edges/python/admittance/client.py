@@ -66,6 +66,7 @@ def _load() -> ctypes.CDLL:
         "publish": [handle, out(StateSample)],
         "receive": [handle, ctypes.c_uint64],
         "apply": [handle, ctypes.c_uint64, out(_Instruction)],
+        "joint_velocity_offset": [handle, ctypes.c_uint64, out(ctypes.c_double)],
         "make_ready": [handle],
         "newest": [handle, out(CommandSample)],
         "counts": [handle, ctypes.c_uint64, out(_Counts)],
@@ -180,6 +181,13 @@ class Client:
         told = _Instruction()
         self._check(_library.admittance_client_apply(self._handle, now_ns, told))
         return Instruction(told.motion == _HOLD, tuple(told.velocity_offset), told.until_ns)
+
+    def joint_velocity_offset(self, now_ns: int) -> "tuple[float, ...]":
+        """What the joints add to their commanded velocity at this instant, after `apply`: of a controller that says
+        follows_joint_velocity = 1 in its samples."""
+        offset = (ctypes.c_double * _JOINTS)()
+        self._check(_library.admittance_client_joint_velocity_offset(self._handle, now_ns, offset))
+        return tuple(offset)
 
     def make_ready(self) -> None:
         """Makes room for the next sample: in the slack of a cycle."""

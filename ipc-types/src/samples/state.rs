@@ -7,7 +7,7 @@ use crate::{MAX_JOINTS, TASK_AXES};
 wire_sample! {
     /// The measured state of the robot and the references that the motion controller follows: one
     /// per cycle.
-    struct StateSample: "admittanced.StateSample.v2", size 408,
+    struct StateSample: "admittanced.StateSample.v2", size 472,
     writer "the motion controller (plant-sim in a simulation)" {
         0 sequence: u64 ["1", ">= 1, one more with every sample"]
             "Number of this sample; restarts at 1 with a new boot_id.";
@@ -48,7 +48,12 @@ wire_sample! {
         400 torque_valid: u32 ["1", "0 or 1"]
             "1 when joint_torque may be used; 0 = there is none, or it failed. Only wrench.source = \"motor_torque\" of \
              the daemon looks at it.";
-        404 reserved: u32 ["1", "0"]
-            "Not used: zero.";
+        404 follows_joint_velocity: u32 ["1", "0 or 1"]
+            "1 when the joints follow joint_velocity_reference plus joint_velocity_offset of the command, which [redundancy] of \
+             the daemon needs; 0 = the motion controller resolves twist_reference plus velocity_offset itself, by the joint \
+             velocity of least norm.";
+        408 joint_velocity_reference: [f64; MAX_JOINTS] ["rad/s or m/s", "finite when follows_joint_velocity = 1"]
+            "Commanded joint velocities without any offset: those that bring about twist_reference, and whatever the joints do \
+             beside it. Looked at when follows_joint_velocity = 1 alone.";
     }
 }

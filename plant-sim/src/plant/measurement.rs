@@ -48,6 +48,7 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             self.delay_line.delayed(self.now_ns)
         };
         self.parameters.noise.add(&mut position, &mut velocity, &mut wrench);
+        self.update_velocity_reference();
         if self.parameters.faults.repeats(self.index) && self.sequence > 1 {
             return;
         }
@@ -73,7 +74,8 @@ impl<const N: usize, const D: usize> Plant<N, D> {
             ),
             joint_torque: self.parameters.joints.torque().map_or([0.0; MAX_JOINTS], |torque| pad(torque.as_slice())),
             torque_valid: u32::from(self.parameters.joints.torque().is_some()),
-            reserved: 0,
+            follows_joint_velocity: u32::from(self.parameters.follows_joint_velocity),
+            joint_velocity_reference: pad(self.velocity_reference.as_slice()),
         };
         self.parameters.faults.falsify(&mut self.sample, self.index, self.parameters.sampling_time_ns);
     }

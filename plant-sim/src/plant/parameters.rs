@@ -38,7 +38,10 @@ pub struct PlantParameters<const N: usize, const D: usize> {
     /// Sensor noise.
     pub noise: Noise,
     /// Commanded motion.
-    pub motion: CommandedMotion<D>,
+    pub motion: CommandedMotion<N, D>,
+    /// Whether the joints follow their commanded velocity and what the daemon adds to it, instead of a
+    /// twist.
+    pub follows_joint_velocity: bool,
     /// Scripted faults.
     pub faults: Faults,
     /// T_s in ns.

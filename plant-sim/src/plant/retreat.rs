@@ -107,13 +107,22 @@ impl<const N: usize, const D: usize> Plant<N, D> {
         }
     }
 
-    /// What is added to ṗ0 at this instant.
-    pub(super) fn applied(&self) -> Applied {
-        let is_jogged = matches!(
+    /// Whether the motion is commanded, and no retreat.
+    pub(super) fn is_commanded(&self) -> bool {
+        matches!(self.retreat, None | Some(Retreat::Next))
+    }
+
+    /// Whether the arm is moved without what the daemon says.
+    pub(super) fn is_jogged(&self) -> bool {
+        matches!(
             self.retreat,
             Some(Retreat::Jogged(_) | Retreat::Resting { was_jogged: true, .. } | Retreat::Over { was_jogged: true })
-        );
-        if is_jogged { Applied::Offset([0.0; TASK_AXES]) } else { self.playback.applied(self.now_ns) }
+        )
+    }
+
+    /// What is added to ṗ0 at this instant.
+    pub(super) fn applied(&self) -> Applied {
+        if self.is_jogged() { Applied::Offset([0.0; TASK_AXES]) } else { self.playback.applied(self.now_ns) }
     }
 
     fn is_clear(&self) -> bool {

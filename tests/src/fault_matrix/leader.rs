@@ -26,13 +26,15 @@ impl Leader {
 }
 
 /// Whether a controller in C can bring the row about. It cannot leave the notification out or skip numbers, since its
-/// client does both; and what plant-sim itself says or does about its files and its machine is not the C program's.
+/// client does both, and it follows twists; and what plant-sim itself says or does about its files and its machine is not the C program's.
 pub fn is_for_c(row: &Row) -> bool {
-    let is_the_clients = matches!(
+    let is_not_its_own = matches!(
         row.injection,
-        Injection::Scripted(FaultKind::Unnotified | FaultKind::SequenceJump | FaultKind::Overrun)
+        Injection::Scripted(
+            FaultKind::Unnotified | FaultKind::SequenceJump | FaultKind::Overrun | FaultKind::NotFollowing
+        )
     );
     let mut expected = Situation::ALL.iter().flat_map(|situation| &row.expected(*situation).log);
     let is_told_by_the_plant = expected.any(|line| line.by == Who::Plant);
-    !is_the_clients && !is_told_by_the_plant
+    !is_not_its_own && !is_told_by_the_plant
 }

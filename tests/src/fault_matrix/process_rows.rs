@@ -162,7 +162,7 @@ fn surroundings() -> Vec<Row> {
             Injection::Start(Newcomer::ForeignSize),
             69,
             &["service admittanced/other/state carries admittanced.StateSample.v2 (400 bytes), this program speaks \
-               admittanced.StateSample.v2 (408 bytes)"],
+               admittanced.StateSample.v2 (472 bytes)"],
             &[],
         ),
         unnoticed(
@@ -170,8 +170,8 @@ fn surroundings() -> Vec<Row> {
             "A foreign process has created a service of the daemon's name with another schema version.",
             Injection::Start(Newcomer::ForeignVersion),
             69,
-            &["service admittanced/other/state carries admittanced.StateSample.v1 (408 bytes), this program speaks \
-               admittanced.StateSample.v2 (408 bytes)"],
+            &["service admittanced/other/state carries admittanced.StateSample.v1 (472 bytes), this program speaks \
+               admittanced.StateSample.v2 (472 bytes)"],
             &[],
         ),
         unnoticed(

@@ -38,6 +38,9 @@ fn refused(name: &'static str, fault: &'static str, kind: FaultKind, reason: Sto
     }
 }
 
+/// Of a controller that leaves it to the daemon how a twist moves its joints.
+const FOLLOWING: [Key; 1] = [("controller", "{ follows = \"joint_velocity\" }")];
+
 /// The same where the motion controller can't take the answers either: they name a sample that it
 /// did not make, or are valid no longer.
 fn refused_unanswered(name: &'static str, fault: &'static str, kind: FaultKind, reason: StopReason, log: &str) -> Row {
@@ -190,6 +193,18 @@ pub(super) fn rows() -> Vec<Row> {
             SampleInvalid,
             "wrench_valid = 0: the motion controller marks its wrench as invalid",
         ),
+        Row {
+            // Near a singular pose alone does that change what the joints are told.
+            daemon: &[("redundancy", "{ damping_factor = 0.1, damping_below = 0.1 }")],
+            scenario: [&FOLLOWING, &FOLLOWING],
+            ..refused(
+                "not_following",
+                "The daemon is to resolve twists, and the motion controller says that its joints no longer follow what it resolves.",
+                Kind::NotFollowing,
+                SampleInvalid,
+                "follows_joint_velocity = 0: with [redundancy]",
+            )
+        },
         refused(
             "joint_count",
             "State samples speak of one joint more than the robot has.",

@@ -240,6 +240,7 @@ fn scripted(kind: FaultKind) -> Option<End> {
     match kind {
         // Of another program's ports, and of what an EGM message does not have.
         Kind::Unnotified
+        | Kind::NotFollowing
         | Kind::NanJointVelocity
         | Kind::InfJointVelocity
         | Kind::NanTwistReference

@@ -13,6 +13,7 @@ mod lag_tolerance;
 mod limits_are_constraints;
 mod motor_torque;
 mod paper_experiment;
+mod redundancy;
 mod settling;
 mod stops_and_guards;
 mod straight_line;

@@ -9,6 +9,7 @@ use crate::intake::Accepted;
 use crate::mpc::Discretization;
 use crate::output::UnderWay;
 use crate::quantities::Span;
+use crate::redundancy::NullMotion;
 use crate::robot::{Chain, VelocityLoops};
 use crate::surface::Surface;
 use crate::turn::Turn;
@@ -46,26 +47,26 @@ impl<const N: usize, const D: usize> WayObserver<N, D> {
     }
 
     /// The way to `sample`, at which the joints have this motion, by the commands `under_way` since
-    /// the sample before; `None` where that is not known. Of the `surface` only the normal counts.
+    /// the sample before and what was told `beside` them; `None` where that is not known. Of the `surface` only the normal counts.
     pub(crate) fn follow(
         &mut self,
         sample: &Accepted<N, D>,
         motion: &JointMotion<N>,
-        under_way: &UnderWay<D>,
+        (under_way, beside): (&UnderWay<D>, &NullMotion<N>),
         surface: &Surface<D>,
     ) -> Option<Way> {
         let last = self.last.replace((*sample, *motion));
         let (last, before) = last.filter(|(last, _)| {
             !sample.arrival.is_new_run && sample.stamp > last.stamp && sample.stamp.since(last.stamp) <= LONGEST
         })?;
-        self.way((&last, &before), (sample, motion), under_way, surface)
+        self.way((&last, &before), (sample, motion), (under_way, beside), surface)
     }
 
     fn way(
         &self,
         (last, before): (&Accepted<N, D>, &JointMotion<N>),
         (sample, motion): (&Accepted<N, D>, &JointMotion<N>),
-        under_way: &UnderWay<D>,
+        (under_way, beside): (&UnderWay<D>, &NullMotion<N>),
         surface: &Surface<D>,
     ) -> Option<Way> {
         let loops = &self.loops;
@@ -81,7 +82,7 @@ impl<const N: usize, const D: usize> WayObserver<N, D> {
         let (mut depth, mut way) = (start, Way::new());
         let longest = PIECE.max(sample.stamp.since(last.stamp).seconds() / PIECES);
         for stretch in under_way.between(last.stamp, sample.stamp, loops.dead_times()) {
-            let r = stretch.references(reference);
+            let r = stretch.references(beside, loops.dead_times(), reference);
             let pieces = libm::ceil(stretch.duration / longest - 1e-6).max(1.0);
             let duration = stretch.duration / pieces;
             let step = Discretization::Zoh.without_dead_time(duration, loops, &SVector::<f64, 0>::zeros());

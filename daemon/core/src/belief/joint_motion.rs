@@ -7,6 +7,7 @@ use crate::intake::Accepted;
 use crate::mpc::Discretization;
 use crate::output::UnderWay;
 use crate::quantities::Span;
+use crate::redundancy::NullMotion;
 use crate::robot::{Chain, VelocityLoops};
 use crate::turn::Turn;
 
@@ -71,14 +72,20 @@ impl<const N: usize, const D: usize> JointObserver<N, D> {
         &self.motion
     }
 
-    /// The motion at `sample`, by the commands `under_way` since the sample before.
-    pub(crate) fn follow(&mut self, sample: &Accepted<N, D>, under_way: &UnderWay<D>) -> JointMotion<N> {
+    /// The motion at `sample`, by the commands `under_way` since the sample before,
+    /// and what was told `beside` them.
+    pub(crate) fn follow(
+        &mut self,
+        sample: &Accepted<N, D>,
+        under_way: &UnderWay<D>,
+        beside: &NullMotion<N>,
+    ) -> JointMotion<N> {
         let reported = JointMotion { velocity: sample.joint_velocity, acceleration: SVector::zeros() };
         self.motion = match &self.last {
             _ if !self.loops.needs_estimate() => reported,
             None if self.is_resumed => self.motion,
             Some(last) if !sample.arrival.is_new_run && sample.stamp.since(last.stamp) <= LONGEST => {
-                self.predict(last, sample, under_way).unwrap_or(reported)
+                self.predict(last, sample, under_way, beside).unwrap_or(reported)
             }
             _ => reported,
         };
@@ -92,6 +99,7 @@ impl<const N: usize, const D: usize> JointObserver<N, D> {
         last: &Accepted<N, D>,
         sample: &Accepted<N, D>,
         under_way: &UnderWay<D>,
+        beside: &NullMotion<N>,
     ) -> Option<JointMotion<N>> {
         let loops = &self.loops;
         let inverse = last.posture.inverse(0.0).ok()?;
@@ -102,7 +110,7 @@ impl<const N: usize, const D: usize> JointObserver<N, D> {
         let mut shown = last.joint_velocity;
         let lag = loops.report_lag;
         for stretch in under_way.between(last.stamp, sample.stamp, loops.dead_times()) {
-            let r = stretch.references(reference);
+            let r = stretch.references(beside, loops.dead_times(), reference);
             let by_lag = SVector::<f64, 1>::new(lag);
             let step = Discretization::Zoh.without_dead_time(stretch.duration, loops, &by_lag);
             if lag > 0.0 {

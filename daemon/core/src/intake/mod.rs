@@ -68,6 +68,8 @@ pub(crate) struct Settings<const N: usize, const D: usize> {
     pub conditioning: Conditioning<D>,
     /// T_est per axis in s; 0 for ideal force measurement.
     pub wrench_time_constant: SVector<f64, D>,
+    /// Whether the law resolves twists itself: then the joints have to follow what it says.
+    pub resolves: bool,
     /// Limits of the joint speeds in rad/s: a joint that moved much faster has jumped.
     pub joint_speed: Option<SVector<f64, N>>,
     /// Where the wrench comes from.
@@ -172,6 +174,9 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         sample.check_joint_count()?;
         self.order.check(sample, now, timing)?;
         sample.check_motion()?;
+        if self.settings.resolves {
+            sample.check_following()?;
+        }
         let posture = Posture::new(chain, &sample.joint_position);
         let tool = self.tool.followed(&self.settings, sample, &posture);
         let (shown, observer) = match &self.settings.source {
@@ -197,6 +202,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
             joint_position: sample.joint_position,
             joint_velocity: sample.joint_velocity,
             joint_position_reference: sample.joint_position_reference,
+            joint_velocity_reference: sample.joint_velocity_reference,
             twist_reference: chain.axes().kept(&sample.twist_reference),
             wrench: shown.wrench,
             wrench_by_position: shown.by_position,

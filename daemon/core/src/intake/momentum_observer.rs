@@ -171,7 +171,7 @@ impl<const N: usize, const D: usize> MomentumObserver<N, D> {
         sample: &Sample<N, D>,
         posture: &Posture<N, D>,
     ) -> Option<Self> {
-        let inverse = posture.inverse(0.0).ok()?;
+        let inverse = posture.least_norm_inverse().ok()?;
         let seen = Seen::new(model, sample, posture, &inverse.matrix);
         let lag = settings.wrench_time_constant.max();
         let since = |last: &Self| sample.stamp.since(last.stamp);

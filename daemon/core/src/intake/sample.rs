@@ -30,6 +30,9 @@ pub struct Sample<const N: usize, const D: usize> {
     pub joint_velocity: SVector<f64, N>,
     /// q0 in rad: commanded joint position, advancing with the command whatever the offset does.
     pub joint_position_reference: SVector<f64, N>,
+    /// q̇0 in rad/s or m/s: commanded joint velocity, to which the sender's joints add what the law tells
+    /// them; `None` of one that resolves ṗ0 + Δṗ itself, by the least norm.
+    pub joint_velocity_reference: Option<SVector<f64, N>>,
     /// ṗ0 in m/s and rad/s, base frame.
     pub twist_reference: SVector<f64, D>,
     /// The wrench as it is given.
@@ -57,6 +60,8 @@ pub(crate) struct Accepted<const N: usize, const D: usize> {
     pub joint_velocity: SVector<f64, N>,
     /// q0 in rad.
     pub joint_position_reference: SVector<f64, N>,
+    /// q̇0 in rad/s or m/s, where the joints follow it.
+    pub joint_velocity_reference: Option<SVector<f64, N>>,
     /// ṗ0 in m/s and rad/s, base frame.
     pub twist_reference: SVector<f64, D>,
     /// f̂ in N and N·m: what the robot exerts on the environment, base frame, at the TCP.
@@ -91,6 +96,8 @@ pub enum Field {
     JointVelocity,
     /// q0.
     JointPositionReference,
+    /// q̇0.
+    JointVelocityReference,
     /// ṗ0.
     TwistReference,
     /// f̂.
@@ -106,6 +113,7 @@ impl Field {
             Self::JointPosition => "joint_position",
             Self::JointVelocity => "joint_velocity",
             Self::JointPositionReference => "joint_position_reference",
+            Self::JointVelocityReference => "joint_velocity_reference",
             Self::TwistReference => "twist_reference",
             Self::Wrench => "wrench",
             Self::JointTorque => "joint_torque",
@@ -136,7 +144,15 @@ impl<const N: usize, const D: usize> Sample<N, D> {
         Field::JointPosition.check(self.joint_position.as_slice())?;
         Field::JointVelocity.check(self.joint_velocity.as_slice())?;
         Field::JointPositionReference.check(self.joint_position_reference.as_slice())?;
+        if let Some(reference) = &self.joint_velocity_reference {
+            Field::JointVelocityReference.check(reference.as_slice())?;
+        }
         Field::TwistReference.check(self.twist_reference.as_slice())
+    }
+
+    /// Whether the sender's joints follow what the law resolves.
+    pub(super) fn check_following(&self) -> Result<(), SampleFault> {
+        self.joint_velocity_reference.map_or(Err(SampleFault::NotFollowing), |_| Ok(()))
     }
 
     /// Checks f̂ as it follows from the given wrench, of which a component may be `saturated`.
@@ -182,6 +198,8 @@ pub enum SampleFault {
         /// Index in the field, from 0.
         index: usize,
     },
+    /// The law is to resolve redundancy, and the sender's joints don't follow what it resolves.
+    NotFollowing,
     /// The sender marks the wrench as invalid.
     WrenchInvalid,
     /// The sender marks the torques as invalid that the wrench is to follow from.
@@ -239,6 +257,7 @@ impl SampleFault {
             Self::JointCount { .. } => FaultName::JointCount,
             Self::NotFinite { .. } => FaultName::NotFinite,
             Self::Implausible { .. } => FaultName::Implausible,
+            Self::NotFollowing => FaultName::NotFollowing,
             Self::WrenchInvalid | Self::TorqueInvalid | Self::WrenchUnseen { .. } => FaultName::WrenchInvalid,
             Self::WrenchSaturated { .. } => FaultName::WrenchSaturated,
             Self::Stale { .. } => FaultName::Stale,
@@ -261,6 +280,10 @@ impl core::fmt::Display for SampleFault {
             Self::Implausible { field, index } => {
                 write!(f, "{}[{index}] is beyond ±{LARGEST_VALUE:e}, larger than any arm's", field.name())
             }
+            Self::NotFollowing => f.write_str(
+                "follows_joint_velocity = 0: with [redundancy] the motion controller must give joint_velocity_reference and \
+                 let its joints add joint_velocity_offset to it",
+            ),
             Self::WrenchInvalid => f.write_str("wrench_valid = 0: the motion controller marks its wrench as invalid"),
             Self::TorqueInvalid => f.write_str(
                 "torque_valid = 0: the motion controller marks its torques as invalid, and wrench.source = \"motor_torque\" \

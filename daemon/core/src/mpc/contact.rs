@@ -163,6 +163,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let mut known_reference = [SVector::zeros(); MAX_STEPS];
         let known_reference = &mut known_reference[..known_twist.len()];
         write_references(situation, known_twist, known_reference);
+        situation.add_beside(options.steps(), known_reference);
         let start = situation.at_action(&settings, &bounds);
         if let Some(verdict) = start.verdict {
             return Solution::Infeasible { verdict, iterations: 0 };
@@ -204,7 +205,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             SVector::zeros()
         };
         let used = |twist: &SVector<f64, D>| {
-            let wanted = situation.joint_velocity(twist);
+            let wanted = situation.told_with(twist);
             let used = |most: &SVector<f64, N>| wanted.zip_map(most, |speed, most| speed.abs() / most).max();
             settings.limits.joint_speed.as_ref().map_or(0.0, used)
         };
@@ -242,7 +243,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // (The deepest point of a set counts without the arm's turning.)
         let drift = if is_soft && !demand.settles && set.is_none() {
             // Until it is halted the arm turns as it does now, and more and more as it will slide.
-            let [now, later] = [situation.joints.velocity, situation.joint_velocity(&sliding)]
+            let [now, later] = [situation.joints.velocity, situation.told_with(&sliding)]
                 .map(|joint_velocity| situation.normal_lead(&settings, &joint_velocity).clamp(-MOST_DRIFT, MOST_DRIFT));
             surface.normal * (AT_FIRST * now + (1.0 - AT_FIRST) * later)
         } else {
@@ -260,7 +261,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             constraints,
             set_point: SetPoint {
                 joint_position: sample.joint_position_reference,
-                joint_velocity: situation.joint_velocity(&(sliding + settling)),
+                joint_velocity: situation.told_with(&(sliding + settling)),
                 wrench: surface.normal * -normal_force,
                 input: wanted_offset + settling + lead,
             },
@@ -270,7 +271,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             slack: holds.then_some(KEPT),
         };
         let solution = self.solve(situation, &prediction, known_twist, expired);
-        let mut solution = solution.shifted(start.delay, situation.belief.uncertainty());
+        let missed = match solution {
+            Solution::Planned { .. } => situation.missed_by_damping(&self.plan),
+            _ => 0.0,
+        };
+        let mut solution = solution.shifted(start.delay, situation.belief.uncertainty() + missed);
         if let Solution::Planned { verdict, .. } = &mut solution {
             verdict.count_free(free, &surface.normal);
         }

@@ -91,7 +91,8 @@ pub(super) fn outward<const N: usize, const D: usize>(
     let (limits, sample) = (&settings.limits, situation.sample);
     let normal = &situation.belief.surface().normal;
     let jacobian = sample.posture.jacobian();
-    if let Some(speed) = &limits.joint_speed {
+    // (What the law resolves itself is an image of the twist: not every joint can be at its limit.)
+    if let Some(speed) = limits.joint_speed.as_ref().filter(|_| !situation.beside.is_ours()) {
         let lever = jacobian.tr_mul(normal);
         let fastest = lever.zip_map(speed, |lever, speed| libm::copysign(speed, lever));
         let offset = jacobian * fastest - sample.twist_reference;
@@ -101,7 +102,7 @@ pub(super) fn outward<const N: usize, const D: usize>(
         }
     }
     let along = SVector::<f64, D>::from_fn(|axis, _| if settings.admittance[axis] { normal[axis] } else { 0.0 });
-    let commanded = situation.joint_velocity(&sample.twist_reference);
+    let commanded = situation.told_with(&sample.twist_reference);
     let by_offset = situation.joint_velocity(&along);
     let within = |least: f64, (limit, value): (f64, f64)| least.min(limit / value.abs().max(f64::MIN_POSITIVE));
     let most = (0..D).map(|axis| (limits.offset[axis], along[axis])).fold(f64::INFINITY, within);

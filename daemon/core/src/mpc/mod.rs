@@ -30,6 +30,7 @@
 //! #     joint_position: q,
 //! #     joint_velocity: Vector2::zeros(),
 //! #     joint_position_reference: q,
+//! #     joint_velocity_reference: None,
 //! #     twist_reference: Vector2::new(0.0, -0.05),
 //! #     wrench: GivenWrench(Vector6::zeros()),
 //! #     torque_valid: false,

@@ -10,8 +10,9 @@ use admittance_vocabulary::Side;
 use super::verdict::Verdict;
 use crate::belief::{Belief, JointMotion, SurfaceSet};
 use crate::intake::Accepted;
-use crate::output::Output;
+use crate::output::{Output, Plan};
 use crate::quantities::Span;
+use crate::redundancy::NullMotion;
 use crate::robot::Singular;
 
 /// Instants at which the force is looked at while an earlier command acts.
@@ -32,6 +33,8 @@ pub(crate) struct Situation<'a, const N: usize, const D: usize> {
     pub output: &'a Output<N, D>,
     /// How its joints really move.
     pub joints: JointMotion<N>,
+    /// What they are told beside the task.
+    pub beside: &'a NullMotion<N>,
     /// (17) at this sample.
     pub model: Model<N, D>,
 }
@@ -56,9 +59,10 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         belief: &'a Belief<D>,
         output: &'a Output<N, D>,
         joints: JointMotion<N>,
+        beside: &'a NullMotion<N>,
     ) -> Result<Self, Singular> {
         let model = Model::new(belief.surface(), &sample.posture, &sample.joint_position)?;
-        Ok(Self { sample, belief, output, joints, model })
+        Ok(Self { sample, belief, output, joints, beside, model })
     }
 
     /// s·f_lin at the measured q on an axis whose contact has the sign s, in N.
@@ -71,10 +75,43 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         self.model.jacobian_inverse * twist
     }
 
+    /// What the joints are told that move the TCP with a twist, rad/s: [`Self::joint_velocity`] and what
+    /// they do beside the task.
+    pub(super) fn told_with(&self, twist: &SVector<f64, D>) -> SVector<f64, N> {
+        let velocity = self.joint_velocity(twist);
+        self.beside.told().map_or(velocity, |beside| velocity + beside)
+    }
+
+    /// Adds to the joint velocity references of each step what the joints do beside the task.
+    pub(super) fn add_beside(&self, steps: &[f64], references: &mut [SVector<f64, N>]) {
+        let mut since = 0.0;
+        for (reference, step) in references.iter_mut().zip(steps) {
+            let Some(beside) = self.beside.ahead(since) else { return };
+            *reference += beside;
+            since += step;
+        }
+    }
+
+    /// What a damped inverse leaves undone of a plan, in N: by so much the tool is not where twists say
+    /// that it is at the end, along the normal. 0 where J is inverted exactly.
+    pub(super) fn missed_by_damping(&self, plan: &Plan<D>) -> f64 {
+        if !self.sample.posture.inverse(0.0).is_ok_and(|inverse| inverse.is_damped) {
+            return 0.0;
+        }
+        let (surface, mut begun, mut way) = (self.belief.surface(), 0.0, 0.0);
+        for (offset, end) in plan.steps() {
+            let twist = self.sample.twist_reference + offset;
+            let undone = twist - self.sample.posture.jacobian() * self.joint_velocity(&twist);
+            way += surface.outward_speed(&undone).abs() * (end.seconds() - begun);
+            begun = end.seconds();
+        }
+        surface.normal_stiffness() * way
+    }
+
     /// The offset along the normal without which an arm that slides with this twist would leave
     /// its path. At most [`MOST_LEAD`].
     pub(super) fn lead(&self, settings: &Settings<N, D>, sliding: &SVector<f64, D>) -> SVector<f64, D> {
-        let lead = self.normal_lead(settings, &self.joint_velocity(sliding));
+        let lead = self.normal_lead(settings, &self.told_with(sliding));
         self.belief.surface().normal * lead.clamp(-MOST_LEAD, MOST_LEAD)
     }
 
@@ -112,7 +149,7 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
             |twist: Option<SVector<f64, D>>| twist.map_or_else(SVector::zeros, |twist| self.joint_velocity(&twist));
         let mut worst = 0.0;
         for stretch in under_way.between(sample.stamp, sample.stamp + delay, loops.dead_times()) {
-            let references = stretch.references(|offset| reference(twist(offset)));
+            let references = stretch.references(self.beside, loops.dead_times(), |offset| reference(twist(offset)));
             let step = settings.options.discretization.without_dead_time(
                 stretch.duration / f64::from(PIECES),
                 loops,
@@ -132,6 +169,9 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
             }
         }
         start.state.earlier_reference = reference(twist(under_way.latest()));
+        if let (Some(_), Some(beside)) = (under_way.latest(), self.beside.latest()) {
+            start.state.earlier_reference += beside;
+        }
         start
     }
 }

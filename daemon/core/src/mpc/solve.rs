@@ -198,10 +198,17 @@ impl<const N: usize, const D: usize> Settings<N, D> {
         }
         let moved = situation.joint_velocity(&before) * (way * (1.0 + ROOM));
         let Some(driven) = situation.driven(self, false) else {
-            return Interval {
+            let mut reachable = Interval {
                 lower: limits.lower.inf(&rest).inf(&(rest + moved)),
                 upper: limits.upper.sup(&rest).sup(&(rest + moved)),
             };
+            if let Some(beside) = situation.beside.told() {
+                // No input stops what the joints do beside the task.
+                let beside = beside * (steps.iter().sum::<f64>() * (1.0 + ROOM));
+                let (first, last) = (rest.inf(&(rest + moved)) + beside, rest.sup(&(rest + moved)) + beside);
+                reachable = Interval { lower: reachable.lower.inf(&first), upper: reachable.upper.sup(&last) };
+            }
+            return reachable;
         };
         // It goes on braking beyond the horizon: so much is left free before the limit.
         let free = driven.braking_way();

@@ -60,6 +60,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
                 *reference = situation.joint_velocity(twist);
             }
         }
+        situation.add_beside(steps, &mut known_reference[..steps.len()]);
         let (known_twist, known_reference) = (&known_twist[..steps.len()], &known_reference[..steps.len()]);
         constraints.bound_inward_speed(0.0, &situation.belief.surface().normal, known_twist, way, steps);
         if let Some(way) = &drive_way {

@@ -10,6 +10,7 @@ use crate::common::{active_set, normal, parameters, pressing, pushing};
 use crate::intake::{Accepted, Event, Intake, Sample};
 use crate::output::{Output, Plan};
 use crate::parameters::Parameters;
+use crate::redundancy::NullMotion;
 
 type Planar = Mpc<2, 2, ActiveSet<Vec<f64>>, Vec<f64>>;
 
@@ -56,7 +57,8 @@ fn solved_at<R>(mpc: &mut Planar, sample: &Sample<2, 2>, solve: impl Fn(&mut Pla
     );
     let output = Output::new(parameters().output());
     let joints = JointMotion { velocity: sample.joint_velocity, acceleration: Vector2::zeros() };
-    let situation = Situation::new(&sample, &belief, &output, joints).expect("far from singular");
+    let beside = NullMotion::new(parameters().null_motion());
+    let situation = Situation::new(&sample, &belief, &output, joints, &beside).expect("far from singular");
     solve(mpc, &situation)
 }
 

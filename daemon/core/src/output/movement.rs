@@ -1,7 +1,7 @@
 //! The movement of one cycle, taken from the plan.
 
 use admittance_vocabulary::{Motion, Source};
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
 use super::Output;
 use crate::intake::Accepted;
@@ -16,8 +16,10 @@ pub struct Movement<const N: usize, const D: usize> {
     pub source: Source,
     /// Δṗ in m/s and rad/s.
     pub velocity_offset: SVector<f64, D>,
-    /// J⁻¹ Δṗ in rad/s.
+    /// J⁻¹ Δṗ in rad/s; where the joints follow what the law resolves, what they add to q̇0.
     pub joint_velocity_offset: SVector<f64, N>,
+    /// J⁻¹ of the resolution, for such joints: how that changes with Δṗ.
+    pub joint_per_twist: Option<SMatrix<f64, N, D>>,
     /// ṗ0 + Δṗ in m/s and rad/s; zero while held.
     pub twist_command: SVector<f64, D>,
     /// Whether a limit had to cut the offset after the law.
@@ -58,6 +60,7 @@ impl<const N: usize, const D: usize> Output<N, D> {
             source,
             velocity_offset: offset,
             joint_velocity_offset: inverse.map_or_else(|_| SVector::zeros(), |inverse| inverse.joint_velocity(&offset)),
+            joint_per_twist: None,
             twist_command: sample.twist_reference + offset,
             limited,
         }
@@ -115,6 +118,7 @@ impl<const N: usize, const D: usize> Movement<N, D> {
             source: Source::None,
             velocity_offset: SVector::zeros(),
             joint_velocity_offset: SVector::zeros(),
+            joint_per_twist: None,
             twist_command: SVector::zeros(),
             limited: false,
         }

@@ -5,6 +5,7 @@
 use nalgebra::SVector;
 
 use crate::quantities::{Instant, Span};
+use crate::redundancy::NullMotion;
 use crate::turn::Turn;
 
 /// Commands kept. Of an instant before the oldest one nothing is known: there ṗ0 alone counts,
@@ -16,6 +17,8 @@ pub const MAX_DELAY_CYCLES: f64 = 8.0;
 /// A stretch of time in which no joint's reference changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Stretch<const N: usize, const D: usize> {
+    /// When it begins.
+    pub(crate) begun: Instant,
     /// Length in s.
     pub(crate) duration: f64,
     /// The Δṗ that each joint follows; `None` is zero joint velocity.
@@ -23,15 +26,24 @@ pub(crate) struct Stretch<const N: usize, const D: usize> {
 }
 
 impl<const N: usize, const D: usize> Stretch<N, D> {
-    /// What each joint follows, in rad/s, from the joint velocities that an offset stands for.
-    pub(crate) fn references(&self, reference: impl Fn(Option<SVector<f64, D>>) -> SVector<f64, N>) -> SVector<f64, N> {
+    /// What each joint follows, in rad/s, from the joint velocities that an offset stands for, and what
+    /// it does `beside` the task.
+    pub(crate) fn references(
+        &self,
+        beside: &NullMotion<N>,
+        dead_time: [Span; N],
+        reference: impl Fn(Option<SVector<f64, D>>) -> SVector<f64, N>,
+    ) -> SVector<f64, N> {
         let mut references = reference(self.offset[0]);
         for joint in 1..N {
             if self.offset[joint] != self.offset[0] {
                 references[joint] = reference(self.offset[joint])[joint];
             }
         }
-        references
+        match beside.followed(self.begun, dead_time, |joint| self.offset[joint].is_some()) {
+            Some(beside) => references + beside,
+            None => references,
+        }
     }
 }
 
@@ -89,9 +101,9 @@ impl<const D: usize> UnderWay<D> {
             });
             let changes = (0..N).flat_map(|joint| commands.iter().map(move |(from, _)| *from + dead_time[joint]));
             let next = changes.filter(|change| *change > begun).fold(end, Instant::min);
-            let duration = next.since(begun).seconds();
+            let stretch = Stretch { begun, duration: next.since(begun).seconds(), offset };
             begun = next;
-            Some(Stretch { duration, offset })
+            Some(stretch)
         })
     }
 

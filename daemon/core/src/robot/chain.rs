@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 
-use super::{InverseJacobian, Singular, TaskAxes, right_inverse};
+use super::{InverseJacobian, Resolution, Singular, TaskAxes, resolved_inverse};
 use crate::quantities::on_task_axes;
 use crate::turn::Turn;
 
@@ -91,6 +91,8 @@ pub struct Kinematics<const N: usize> {
     pub jacobian: SMatrix<f64, 6, N>,
     /// The axes of the task.
     pub axes: TaskAxes,
+    /// Which joint velocity a twist stands for.
+    pub resolution: Resolution<N>,
 }
 
 impl<const N: usize> Kinematics<N> {
@@ -99,12 +101,12 @@ impl<const N: usize> Kinematics<N> {
         SMatrix::from_fn(|axis, joint| if self.axes.has(axis) { self.jacobian[(axis, joint)] } else { 0.0 })
     }
 
-    /// The right inverse of that; see [`right_inverse`].
+    /// The inverse of that; see [`resolved_inverse`].
     ///
     /// # Errors
     /// [`Singular`] with the reciprocal condition number found.
     pub fn inverse<const D: usize>(&self, least: f64) -> Result<InverseJacobian<N, D>, Singular> {
-        right_inverse(&self.task_jacobian(), self.axes, least)
+        resolved_inverse(&self.task_jacobian(), self.axes, &self.resolution, least)
     }
 }
 
@@ -114,6 +116,7 @@ pub struct Chain<const N: usize> {
     joints: [Joint; N],
     tool: Pose,
     axes: TaskAxes,
+    resolution: Resolution<N>,
 }
 
 /// Why a description is not a serial chain.
@@ -173,13 +176,19 @@ impl<const N: usize> Chain<N> {
         if !is_frame(&tool.position, &tool.rotation) {
             return Err(ChainError::Frame { joint: None });
         }
-        Ok(Self { joints, tool, axes: TaskAxes::ALL })
+        Ok(Self { joints, tool, axes: TaskAxes::ALL, resolution: Resolution::LEAST_NORM })
     }
 
     /// The same with a task on these axes only.
     #[must_use]
     pub fn with_axes(self, axes: TaskAxes) -> Self {
         Self { axes, ..self }
+    }
+
+    /// The same with another joint velocity for a twist than that of least norm.
+    #[must_use]
+    pub fn with_resolution(self, resolution: Resolution<N>) -> Self {
+        Self { resolution, ..self }
     }
 
     /// The same arm in the base frame that a turn leads to: pose, Jacobian and task axes are in that
@@ -196,6 +205,11 @@ impl<const N: usize> Chain<N> {
     /// The axes of the task: all, unless it was told.
     pub fn axes(&self) -> TaskAxes {
         self.axes
+    }
+
+    /// Which joint velocity a twist stands for: that of least norm, unless it was told.
+    pub fn resolution(&self) -> &Resolution<N> {
+        &self.resolution
     }
 
     /// The joints, base first, their axes of length 1.
@@ -238,6 +252,6 @@ impl<const N: usize> Chain<N> {
                 jacobian[(row + 3, index)] = angular[row];
             }
         }
-        Kinematics { pose: Pose { position, rotation }, jacobian, axes: self.axes }
+        Kinematics { pose: Pose { position, rotation }, jacobian, axes: self.axes, resolution: self.resolution }
     }
 }

@@ -2,7 +2,9 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::{Chain, InverseJacobian, Kinematics, Pose, Singular, right_inverse};
+use super::{
+    Chain, InverseJacobian, Kinematics, NullSpace, Pose, Resolution, Singular, resolved_inverse, right_inverse,
+};
 use crate::quantities::on_task_axes;
 
 /// Way in rad or m by which the joints are moved to see how the condition of J changes.
@@ -21,7 +23,8 @@ impl<const N: usize, const D: usize> Posture<N, D> {
     pub fn new(chain: &Chain<N>, q: &SVector<f64, N>) -> Self {
         let kinematics = chain.kinematics(q);
         let jacobian = kinematics.task_jacobian::<D>();
-        Self { kinematics, jacobian, inverse: right_inverse(&jacobian, kinematics.axes, 0.0) }
+        let inverse = resolved_inverse(&jacobian, kinematics.axes, &kinematics.resolution, 0.0);
+        Self { kinematics, jacobian, inverse }
     }
 
     /// Ψ(q).
@@ -80,6 +83,22 @@ impl<const N: usize, const D: usize> Posture<N, D> {
         match &self.inverse {
             Ok(inverse) => inverse.reciprocal_condition,
             Err(singular) => singular.reciprocal_condition,
+        }
+    }
+
+    /// The joint velocities that leave the task where it is; `None` where J has no inverse.
+    pub fn null_space(&self) -> Option<NullSpace<N>> {
+        NullSpace::of(&self.jacobian, self.kinematics.axes, &self.kinematics.resolution)
+    }
+
+    /// J⁻¹ of least norm and exactly, whatever the resolution: what torques show of a wrench hangs on it.
+    ///
+    /// # Errors
+    /// [`Singular`] with the reciprocal condition number.
+    pub fn least_norm_inverse(&self) -> Result<InverseJacobian<N, D>, Singular> {
+        match self.inverse {
+            Ok(inverse) if self.kinematics.resolution == Resolution::LEAST_NORM => Ok(inverse),
+            _ => right_inverse(&self.jacobian, self.kinematics.axes, 0.0),
         }
     }
 

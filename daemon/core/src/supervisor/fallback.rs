@@ -74,6 +74,7 @@ impl<const D: usize> Supervisor<D> {
             | SampleFault::WrenchSaturated { .. }
             | SampleFault::FromFuture { .. }
             | SampleFault::Unnumbered
+            | SampleFault::NotFollowing
             | SampleFault::OutOfOrder { .. }
             | SampleFault::Jump { .. } => Cause::SampleInvalid,
         };

@@ -15,6 +15,7 @@ mod missed;
 mod model;
 mod quantities;
 mod rate;
+mod redundancy;
 mod requests;
 mod sparse_formulation;
 mod stopping;

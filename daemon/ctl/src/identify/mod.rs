@@ -135,6 +135,14 @@ fn opened(path: &Path) -> Outcome<(Recording, Config, String)> {
         );
         return Err((Exit::Config, why));
     }
+    if config.redundancy.is_told() {
+        let why = format!(
+            "{}: [redundancy] in its configuration: accepted: none, since joints that follow what the daemon resolves are \
+             not told a twist alone",
+            path.display()
+        );
+        return Err((Exit::Config, why));
+    }
     Ok((recording, config, text))
 }
 

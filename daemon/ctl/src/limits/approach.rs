@@ -7,7 +7,8 @@ use admittance_runner::config::{Config, GivenInName, GivenSignName, WrenchSectio
 use plant_sim::drives_section::DrivesSection;
 use plant_sim::pose::{self, ArmPose};
 use plant_sim::scenario::{
-    MotionSection, NoiseSection, Scenario, SensorSection, StartSection, SurfaceSection, TimingSection, WrenchSection,
+    ControllerSection, FollowsName, MotionSection, NoiseSection, Scenario, SensorSection, StartSection, SurfaceSection,
+    TimingSection, WrenchSection,
 };
 
 use crate::Exit;
@@ -146,9 +147,16 @@ impl Approach {
             },
             sensor: sensor(&config.wrench),
             noise: NoiseSection { wrench: 0.0, joint_position_rad: 0.0, joint_velocity_rad_s: 0.0, seed: 1 },
+            controller: ControllerSection {
+                follows: match config.redundancy.is_told() {
+                    true => FollowsName::JointVelocity,
+                    false => FollowsName::Twist,
+                },
+            },
             motion: vec![MotionSection {
                 duration_s: contact_time_s + whole_cycles(AFTER_CONTACT_S),
                 twist: self.twist(config, speed_m_s),
+                beside_rad_s: None,
             }],
             twist: None,
             fault: Vec::new(),

@@ -159,11 +159,20 @@ fn with_present_names(mut state: Value) -> Value {
         {
             object.insert("plays_plan".to_owned(), reserved);
         }
-        for name in ["joint_torque", "torque_valid", "reserved"] {
+        for name in ["joint_torque", "torque_valid", "follows_joint_velocity", "joint_velocity_reference"] {
             object.entry(name).or_insert_with(|| zeroed[name].clone());
         }
     }
     state
+}
+
+/// A command with the present names of its fields: what joints follow that leave their resolution to the
+/// daemon, none did.
+fn of_present_names(mut command: Value) -> Value {
+    if let (Some(object), Value::Object(zeroed)) = (command.as_object_mut(), CommandSample::zeroed().to_json()) {
+        object.entry("joint_per_twist").or_insert_with(|| zeroed["joint_per_twist"].clone());
+    }
+    command
 }
 
 /// The version of records whose messages on /cycle look like this.
@@ -273,7 +282,10 @@ impl Items<'_> {
                 let value = with_present_names(value);
                 self.state = Some((sequence, StateSample::from_json(&value).ok_or_else(foreign)?));
             }
-            COMMAND => self.command = Some((sequence, CommandSample::from_json(&value).ok_or_else(foreign)?)),
+            COMMAND => {
+                let value = of_present_names(value);
+                self.command = Some((sequence, CommandSample::from_json(&value).ok_or_else(foreign)?));
+            }
             TRUTH => return Ok(Some(Item::Truth(Box::new(TruthSample::from_json(&value).ok_or_else(foreign)?)))),
             _ => {
                 let mut value = value;

@@ -167,8 +167,10 @@ impl<'a> Session<'a> {
         } else if is_free(record, kind)
             && !remembers_surface(record, &self.config)
             && self.config.wrench.source == WrenchSourceName::Sample
+            && !self.config.redundancy.is_told()
         {
-            // An observer of torques forgets too slowly to be run in.
+            // An observer of torques forgets too slowly to be run in, and what joints do beside the task changes
+            // as slowly as it is configured to.
             // What requests have changed since the file was read is in every record, and free
             // motion was enabled.
             settings(record)?.apply(&mut self.config);

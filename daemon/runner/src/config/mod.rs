@@ -20,6 +20,7 @@ mod limits;
 mod motor_torque;
 mod mpc;
 mod plausibility;
+mod redundancy;
 mod requests;
 mod stopping;
 mod task;
@@ -36,6 +37,7 @@ pub use mpc::{
     DiscretizationName, ForcePointsName, InputsName, InwardSpeedName, MpcSection, OnInfeasibleName, WeightSpace,
 };
 pub use plausibility::{contact_distance_m, has_regular_pose, reach_m};
+pub use redundancy::{RedundancySection, ResolutionName};
 pub use requests::RequestsSection;
 pub use stopping::{DampingSection, StoppingSection};
 pub use task::{FrameName, TaskSection};
@@ -56,6 +58,8 @@ config_section! {
         dynamics: Option<DynamicsSection>;
         /// The frame of the task.
         task: TaskSection;
+        /// Which joint velocity is taken for a twist.
+        redundancy: RedundancySection;
         /// Contact and force.
         contact: ContactSection;
         /// The surface.
@@ -162,6 +166,7 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     check_wrench_dead_time(config, errors);
     motor_torque::check_motor_torque(config, errors);
     task::check_task_frame(config, errors);
+    redundancy::check_redundancy(config, errors);
     // What the deadband hides must be released already: hysteresis and limits see the whole force.
     let releases = config.wrench.deadband.iter().flatten().zip(&config.contact.release_threshold);
     for (axis, (deadband, release)) in releases.enumerate().filter(|(_, (deadband, release))| deadband > release) {

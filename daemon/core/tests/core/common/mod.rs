@@ -75,6 +75,7 @@ pub(crate) fn pressing(force: f64, sequence: u64) -> Sample<2, 2> {
         joint_position: q,
         joint_velocity: Vector2::zeros(),
         joint_position_reference: q,
+        joint_velocity_reference: None,
         twist_reference: Vector2::zeros(),
         wrench: given(-normal() * force.max(0.0)),
         torque_valid: false,

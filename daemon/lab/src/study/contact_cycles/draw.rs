@@ -173,6 +173,7 @@ fn motion(numbers: &mut Numbers, normal: &Vector3<f64>, stiffness: f64, sampling
     let phase = |duration_s: f64, speed: Vector3<f64>, turn: Vector3<f64>| MotionSection {
         duration_s,
         twist: speed.iter().chain(turn.iter()).copied().collect(),
+        beside_rad_s: None,
     };
     let mut left_s = sampling_time_s * numbers.within(CYCLES);
     let mut phases = vec![phase(whole_cycles(TOUCH_S + 0.1), normal * -touch, Vector3::zeros())];

@@ -1,0 +1,273 @@
+//! What the joints of a redundant arm do beside the task (remark 1): a motion in the null space of J,
+//! chosen once a cycle. It is a known input of the model, and its image is part of what the joints are
+//! told.
+//!
+//! ```
+//! use admittance_core::robot::{Interval, NullSpace, Resolution, TaskAxes};
+//! use nalgebra::{Matrix2x3, Vector3};
+//!
+//! // Two directions of three joints; joint 0 is turned away from its upper limit, the tool stays.
+//! let jacobian = Matrix2x3::new(1.0, 0.5, 0.2, 0.0, 1.0, -0.8);
+//! let null_space = NullSpace::of(&jacobian, TaskAxes::ALL, &Resolution::LEAST_NORM).expect("regular");
+//! let mut bounds = Interval { lower: Vector3::repeat(-1.0), upper: Vector3::repeat(1.0) };
+//! bounds.upper.x = 0.1;
+//! let told = Vector3::new(0.15, 0.0, 0.0);
+//! let beside = null_space.brought_within(&told, &bounds);
+//! assert!((told + beside).x <= 0.1 + 1e-12);
+//! assert!((jacobian * beside).norm() < 1e-12);
+//! ```
+
+use admittance_vocabulary::Motion;
+use nalgebra::SVector;
+
+use crate::intake::{Accepted, Timing};
+use crate::output::{MAX_DELAY_CYCLES, Movement};
+use crate::quantities::{Instant, Span};
+use crate::robot::{Interval, MotionLimits, NullSpace};
+
+/// What the null-space motion is to bring about.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Aim<const N: usize> {
+    /// Nothing: the joints do what the twist asks of them.
+    Nothing,
+    /// The joints go to a position as far as the task lets them.
+    Posture {
+        /// rad or m.
+        position: SVector<f64, N>,
+        /// Part of the way per second.
+        gain: f64,
+    },
+    /// That of the commanded joint velocity.
+    Commanded,
+}
+
+/// The resolution of redundancy, beside that of J⁻¹ itself, which the chain
+/// [has](crate::robot::Chain::with_resolution).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Redundancy<const N: usize> {
+    /// What for.
+    pub aim: Aim<N>,
+    /// How far from its limits a joint is kept, rad or m; `None` leaves the limits to the MPC.
+    pub limit_margin: Option<SVector<f64, N>>,
+    /// Largest part of each joint's speed limit that the law's own null-space motion takes; what is
+    /// commanded is not counted.
+    pub speed_share: f64,
+    /// By how much that motion changes at most, rad/s² or m/s².
+    pub acceleration: f64,
+}
+
+/// How fast a joint may come nearer to the margin of its limits, per rad or m that is left; within the
+/// margin it goes back as fast.
+const APPROACH: f64 = 2.0;
+/// Instants kept: more than commands can be under way, with a cycle behind the sample.
+const KEPT: usize = 2 * MAX_DELAY_CYCLES as usize;
+
+/// Settings of this stage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Settings<const N: usize> {
+    /// The resolution; `None` is that of the motion controller, of least norm.
+    pub redundancy: Option<Redundancy<N>>,
+    /// Limits of the joints' positions, rad or m.
+    pub joint_position: Option<Interval<N>>,
+    /// Limits of their speeds, rad/s or m/s.
+    pub joint_speed: Option<SVector<f64, N>>,
+    /// When commands act.
+    pub timing: Timing,
+}
+
+impl<const N: usize> Settings<N> {
+    pub(crate) fn new<const D: usize>(
+        redundancy: Option<Redundancy<N>>,
+        limits: &MotionLimits<N, D>,
+        timing: Timing,
+    ) -> Self {
+        Self { redundancy, joint_position: limits.joint_position, joint_speed: limits.joint_speed, timing }
+    }
+}
+
+/// What the law wants of the null space in a cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Wish {
+    /// What the resolution aims at.
+    Aim,
+    /// Standstill, as soon as its acceleration allows.
+    Rest,
+}
+
+/// The stage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct NullMotion<const N: usize> {
+    settings: Settings<N>,
+    /// What the joints are told beside the task, rad/s or m/s.
+    told: SVector<f64, N>,
+    /// Of that, what the law itself brings about.
+    own: SVector<f64, N>,
+    wish: Wish,
+    /// What was told, by the instants from which it acts; the last `len` count.
+    history: [(Instant, SVector<f64, N>); KEPT],
+    len: usize,
+}
+
+impl<const N: usize> NullMotion<N> {
+    /// At rest.
+    pub(crate) fn new(settings: Settings<N>) -> Self {
+        let nothing = SVector::zeros();
+        let history = [(Instant::default(), nothing); KEPT];
+        Self { settings, told: nothing, own: nothing, wish: Wish::Rest, history, len: 0 }
+    }
+
+    /// Takes over the state of `old`, with these settings.
+    pub(crate) fn take_over(&mut self, old: &Self) {
+        let Self { settings: _, told, own, wish, history, len } = *old;
+        (self.told, self.own, self.wish, self.history, self.len) = (told, own, wish, history, len);
+    }
+
+    /// Whether the law resolves twists itself.
+    pub(crate) fn is_ours(&self) -> bool {
+        self.settings.redundancy.is_some()
+    }
+
+    /// What the joints are told beside the task from this cycle on, rad/s or m/s; `None` where nothing
+    /// ever is.
+    pub(crate) fn told(&self) -> Option<&SVector<f64, N>> {
+        self.is_ours().then_some(&self.told)
+    }
+
+    /// The same `since` s from now, as it will be.
+    pub(crate) fn ahead(&self, since: f64) -> Option<SVector<f64, N>> {
+        let redundancy = self.settings.redundancy.as_ref()?;
+        let speed = self.told.amax();
+        Some(match self.wish {
+            Wish::Rest if speed > 0.0 => self.told * (1.0 - since * redundancy.acceleration / speed).max(0.0),
+            _ => self.told,
+        })
+    }
+
+    /// Chooses it for a sample, of an arm that goes on with a twist (m/s, rad/s).
+    pub(crate) fn choose<const D: usize>(&mut self, sample: &Accepted<N, D>, twist: &SVector<f64, D>, wish: Wish) {
+        let Some(redundancy) = &self.settings.redundancy else { return };
+        let (Some(null_space), Ok(inverse)) = (sample.posture.null_space(), sample.posture.inverse(0.0)) else {
+            return self.stop();
+        };
+        let commanded = match (redundancy.aim, sample.joint_velocity_reference, wish) {
+            (Aim::Commanded, Some(reference), Wish::Aim) => null_space.project(&reference),
+            _ => SVector::zeros(),
+        };
+        // Whatever changes, the joints go on from what they were told.
+        let before =
+            if wish == self.wish { null_space.project(&self.own) } else { null_space.project(&self.told) - commanded };
+        let wanted = match wish {
+            Wish::Aim => self.wanted(redundancy, sample, &null_space, &(inverse.joint_velocity(twist) + commanded)),
+            Wish::Rest => SVector::zeros(),
+        };
+        let change = wanted - before;
+        let most = redundancy.acceleration * self.settings.timing.sampling_time.seconds();
+        self.own = if change.amax() <= most { wanted } else { before + change * (most / change.amax()) };
+        self.told = commanded + self.own;
+        self.wish = wish;
+    }
+
+    /// What the law adds to joints that turn with `going`.
+    fn wanted<const D: usize>(
+        &self,
+        redundancy: &Redundancy<N>,
+        sample: &Accepted<N, D>,
+        null_space: &NullSpace<N>,
+        going: &SVector<f64, N>,
+    ) -> SVector<f64, N> {
+        let position = &sample.joint_position;
+        let shared = |wanted: SVector<f64, N>| {
+            let share = |most: &SVector<f64, N>| {
+                wanted.zip_map(most, |speed, most| speed.abs() / (most * redundancy.speed_share)).max()
+            };
+            wanted / self.settings.joint_speed.as_ref().map_or(1.0, share).max(1.0)
+        };
+        let aimed = match redundancy.aim {
+            Aim::Posture { position: posture, gain } => shared(null_space.project(&((posture - position) * gain))),
+            Aim::Nothing | Aim::Commanded => SVector::zeros(),
+        };
+        let Some(bounds) = self.bounds(redundancy, position) else { return aimed };
+        shared(aimed + null_space.brought_within(&(going + aimed), &bounds))
+    }
+
+    /// The joint velocities that keep the joints from their limits.
+    fn bounds(&self, redundancy: &Redundancy<N>, position: &SVector<f64, N>) -> Option<Interval<N>> {
+        let (margin, limits) = (redundancy.limit_margin.as_ref()?, self.settings.joint_position.as_ref()?);
+        let most = self.settings.joint_speed.unwrap_or_else(|| SVector::repeat(f64::INFINITY));
+        let bound =
+            |limit: SVector<f64, N>| ((limit - position) * APPROACH).zip_map(&most, |v, most| v.clamp(-most, most));
+        Some(Interval { lower: bound(limits.lower + margin), upper: bound(limits.upper - margin) })
+    }
+
+    /// Nothing beside the task any more, at once: the arm is held.
+    pub(crate) fn stop(&mut self) {
+        (self.told, self.own, self.wish) = (SVector::zeros(), SVector::zeros(), Wish::Rest);
+    }
+
+    /// The motion controller moves the arm by itself: what it does beside the task is where the law
+    /// begins.
+    pub(crate) fn stand_by<const D: usize>(&mut self, sample: &Accepted<N, D>) {
+        self.stop();
+        if let (Some(reference), Some(null_space)) = (sample.joint_velocity_reference, sample.posture.null_space()) {
+            self.told = null_space.project(&reference);
+            self.own = self.told;
+        }
+    }
+
+    /// Records the answer to a sample or silence at `stamp`: it acts one delay later.
+    pub(crate) fn send(&mut self, stamp: Instant) {
+        if !self.is_ours() {
+            return;
+        }
+        let from = stamp + self.settings.timing.command_delay;
+        while self.len > 0 && self.history[self.len - 1].0 >= from {
+            self.len -= 1;
+        }
+        if self.len == KEPT {
+            self.history.copy_within(1.., 0);
+            self.len -= 1;
+        }
+        self.history[self.len] = (from, self.told);
+        self.len += 1;
+    }
+
+    /// What the last command told them; `None` where nothing ever is.
+    pub(crate) fn latest(&self) -> Option<&SVector<f64, N>> {
+        self.history[..self.len].last().map(|(_, told)| told)
+    }
+
+    /// What the joints followed beside the task at an instant, where a command reaches each after its
+    /// dead time. `moves` says which joints were not held.
+    pub(crate) fn followed(
+        &self,
+        instant: Instant,
+        dead_time: [Span; N],
+        moves: impl Fn(usize) -> bool,
+    ) -> Option<SVector<f64, N>> {
+        self.is_ours().then(|| {
+            SVector::from_fn(|joint, _| {
+                let reached = |(from, _): &&(Instant, SVector<f64, N>)| *from + dead_time[joint] <= instant;
+                let told = self.history[..self.len].iter().rfind(reached);
+                told.filter(|_| moves(joint)).map_or(0.0, |(_, told)| told[joint])
+            })
+        })
+    }
+
+    /// The movement with its whole image in the joints, for a motion controller that follows that: what
+    /// they add to their commanded velocity.
+    pub(crate) fn shown<const D: usize>(&self, movement: Movement<N, D>, sample: &Accepted<N, D>) -> Movement<N, D> {
+        let (Some(commanded), Ok(inverse)) = (sample.joint_velocity_reference, sample.posture.inverse(0.0)) else {
+            return movement;
+        };
+        if movement.motion == Motion::Hold {
+            return movement;
+        }
+        let twist = sample.twist_reference + movement.velocity_offset;
+        let beside = self.told().copied().unwrap_or_else(SVector::zeros);
+        Movement {
+            joint_velocity_offset: inverse.joint_velocity(&twist) + beside - commanded,
+            joint_per_twist: Some(inverse.matrix),
+            ..movement
+        }
+    }
+}
