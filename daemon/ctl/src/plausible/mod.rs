@@ -5,7 +5,7 @@ mod contact;
 mod world;
 
 pub(crate) use contact::Losses;
-pub use contact::{Contact, Peak, outward, press};
+pub use contact::{Contact, Peak, outward, outward_by, press, press_seen};
 pub(crate) use world::NOISE_N;
 pub use world::{Cause, World};
 
@@ -37,7 +37,7 @@ pub fn config_for(base: &Config, sampling_time_s: f64, stiffness_n_m: f64) -> Re
 /// A configured cell, and the way in which its arm approaches the surface.
 #[derive(Debug, Clone)]
 pub struct Cell {
-    config: Config,
+    pub config: Config,
     approach: Approach,
     /// Highest safe speed in m/s with the model as told: what `admittancectl limits` names.
     pub highest_speed_m_s: f64,
@@ -122,7 +122,8 @@ impl Cell {
 
     /// The plant of a world in which only the causes of `is_on` differ from what was told.
     pub fn scenario(&self, world: &World, speed_m_s: f64, is_on: impl Fn(Cause) -> bool) -> Scenario {
-        let mut scenario = self.approach.scenario(&self.config, speed_m_s, world.contact_phase);
+        let mut c = self.config.clone(); c.robot.velocity_loop = None;
+        let mut scenario = self.approach.scenario(&c, speed_m_s, world.contact_phase);
         world.apply(&mut scenario, is_on);
         scenario
     }

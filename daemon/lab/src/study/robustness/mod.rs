@@ -3,13 +3,18 @@
 
 mod cells;
 mod figures;
+mod outward;
 
 use std::fmt::{self, Write as _};
 
+use admittance_runner::config::Config;
 use admittancectl::plausible::{self, Cause, Cell, Contact, Peak};
 use admittancectl::{Exit, offline, parallel};
 use figures::Figures;
+use plant_sim::scenario::Scenario;
 
+/// How long after the touch the cycles of a run are told, s.
+const TOLD_S: f64 = 0.1;
 /// Parts of the highest safe speed with the model as told.
 const SPEEDS: [f64; 3] = [1.0, 0.5, 0.25];
 
@@ -42,6 +47,10 @@ struct Told {
     /// Tell the controller that the arm may follow so many seconds later than it was told.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = lag_tolerance)]
     lag_tolerance: f64,
+    #[arg(long)]
+    damping: Option<f64>,
+    #[arg(long)]
+    dead: Option<f64>,
 }
 
 impl Told {
@@ -59,7 +68,14 @@ impl Told {
             Some(within) => cell.knowing_a_range(within).allowing_lag(self.lag_tolerance),
             None => cell.allowing_lag(self.lag_tolerance),
         };
-        Ok(cells::with_speeds(names, threads)?.into_iter().map(|(name, cell)| (name, told(cell))).collect())
+        let damped = |mut cell: Cell| {
+            let n = cell.config.robot.joint.len();
+            if self.damping.is_some() || self.dead.is_some() {
+                cell.config.robot.velocity_loop = Some(admittance_host::robot_description::VelocityLoopDescription { damping: self.damping.map(|d| vec![d; n]), dead_time_s: self.dead.map(|d| vec![d; n]), report_lag_s: 0.0 });
+            }
+            cell
+        };
+        Ok(cells::with_speeds(names, threads)?.into_iter().map(|(name, cell)| (name, damped(told(cell)))).collect())
     }
 }
 
@@ -113,10 +129,14 @@ impl Run {
         self.contact.stop_reason.is_some() && !self.outward.is_over
     }
 
+    /// Above the limit although full outward speed keeps it.
+    fn is_avoidably_over(&self) -> bool {
+        self.contact.is_over && !self.outward.is_over
+    }
+
     /// Whether something is wrong that the controller could have avoided.
     fn is_bad(&self) -> bool {
-        let is_over = self.contact.is_over && !self.outward.is_over;
-        is_over || self.contact.late_losses > 0 || self.is_false_stop()
+        self.is_avoidably_over() || self.contact.late_losses > 0 || self.is_false_stop()
     }
 }
 
@@ -155,7 +175,7 @@ fn one((name, cell): &(&'static str, Cell), speed: f64, seed: u64, index: u64) -
     let press = |is_on: &dyn Fn(Cause) -> bool| {
         let scenario = cell.scenario(&world, speed * cell.highest_speed_m_s, is_on);
         let both = plausible::press(cell.config(), &scenario)
-            .and_then(|contact| Ok((contact, plausible::outward(cell.config(), &scenario)?)));
+            .and_then(|contact| Ok((contact, attainable(cell.config(), &scenario)?)));
         let (contact, outward) = both.map_err(|why| format!("run {index} of seed {seed}, {name}: {why}"))?;
         Ok::<Run, String>(Run { index, cell: name, speed, contact, outward, causes: Vec::new() })
     };
@@ -169,6 +189,13 @@ fn one((name, cell): &(&'static str, Cell), speed: f64, seed: u64, index: u64) -
     Ok(run)
 }
 
+/// What full outward speed attains, on the axes that the controller may move.
+fn attainable(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
+    plausible::outward_by(config, scenario, |pose, normal, speeds, reference| {
+        outward::fastest_twist(config, pose, normal, speeds, reference)
+    })
+}
+
 fn describe(named: &(&'static str, Cell), speed: f64, seed: u64, index: u64) -> Result<String, String> {
     let (name, cell) = named;
     let world = plausible::world(seed, index, cell.config().robot.joint.len());
@@ -180,6 +207,38 @@ fn describe(named: &(&'static str, Cell), speed: f64, seed: u64, index: u64) -> 
     for (cause, alone, cured) in causes {
         let _ = writeln!(text, "{cause:?}: bad with it alone: {alone}, good without it: {cured}");
     }
+    text += &cycles(cell, &world, named)?;
+    Ok(text)
+}
+
+/// The first cycles of a contact, a line each.
+fn cycles(cell: &Cell, world: &plausible::World, speed_m_s: f64) -> Result<String, String> {
+    let scenario = cell.scenario(world, speed_m_s, |_| true);
+    let mut text = "ms: largest true force since the cycle before, f\u{302}, twist offset, mode, verdict with its newtons\n".to_owned();
+    let mut touched_s = None;
+    plausible::press_seen(cell.config(), &scenario, |step| {
+        let (truth, command) = (&step.truth, &step.command);
+        if truth.peak_wrench.iter().any(|force| *force != 0.0) {
+            touched_s.get_or_insert(truth.scenario_time_s);
+        }
+        let Some(since) = touched_s.map(|touched| truth.scenario_time_s - touched).filter(|since| *since < TOLD_S) else {
+            return;
+        };
+        let of = |values: &[f64; 6], digits: usize| {
+            values[..3].iter().map(|value| format!("{value:9.digits$}")).collect::<String>()
+        };
+        let _ = writeln!(
+            text,
+            "{:6.1}: {} |{} |{} | {:?} {:?} {:.1}",
+            1e3 * since,
+            of(&truth.peak_wrench, 1),
+            of(&step.report.wrench, 1),
+            of(&command.velocity_offset, 4) + " : " + &command.planned_offset.iter().zip(&command.plan_end_ns).take((command.plan_length as usize).min(8)).map(|(o, e)| format!("{:.2}@{:.1} ", o.iter().take(3).map(|x| x*x).sum::<f64>().sqrt(), (*e as f64) * 1e-6)).collect::<String>(),
+            ipc_types::Mode::from_code(command.mode),
+            ipc_types::Verdict::from_code(command.verdict),
+            command.verdict_margin,
+        );
+    })?;
     Ok(text)
 }
 
@@ -231,7 +290,7 @@ mod tests {
         const SEED: u64 = 3;
         let cells = cells::with_speeds(&["planar, 4 ms"], 1).unwrap();
         let cell = Some("planar, 4 ms".to_owned());
-        for told in [Told::default(), Told { cell, stiffness_within: Some(2.5), lag_tolerance: 0.005 }] {
+        for told in [Told::default(), Told { cell, stiffness_within: Some(2.5), lag_tolerance: 0.005, damping: None, dead: None }] {
             let mut run = one(&cells[0], 0.5, SEED, 5).unwrap();
             run.contact.late_losses += 1;
             let examples = Figures::of(SEED, &told, &cells, &[run]).examples;
