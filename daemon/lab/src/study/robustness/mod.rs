@@ -15,6 +15,12 @@ use plant_sim::scenario::Scenario;
 
 /// How long after the touch the cycles of a run are told, s.
 const TOLD_S: f64 = 0.1;
+/// What is told of the stiffness: twice as much is plausible, and a little more.
+const STIFFNESS_WITHIN: f64 = 2.5;
+/// What is told of an arm that follows late, s.
+const LAG_TOLERANCE_S: f64 = 0.005;
+/// What is told of speed loops whose order is not known: that they are of second order with this damping ratio.
+const LOOP_DAMPING: f64 = 0.8;
 /// Parts of the highest safe speed with the model as told.
 const SPEEDS: [f64; 3] = [1.0, 0.5, 0.25];
 
@@ -35,22 +41,37 @@ pub(crate) struct Args {
     options: offline::Options,
 }
 
-/// Which cells, and what their controllers are told.
-#[derive(Debug, Clone, Default, PartialEq, clap::Args)]
+/// Which cells, and what their controllers are told: unless asked otherwise, what docs/commissioning.md says to
+/// tell where a number is known no better than these worlds leave it.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 struct Told {
     /// Only this cell; all of them when absent.
     #[arg(long, value_parser = cells::NAMES)]
     cell: Option<String>,
+    /// Tell the controller the stiffness as one number, no tolerances, and loops of first order.
+    #[arg(long, conflicts_with_all = ["stiffness_within", "lag_tolerance", "loop_damping"])]
+    exact: bool,
     /// Tell the controller only that the stiffness is within this factor of what it would be told.
-    #[arg(long, value_name = "FACTOR", value_parser = within)]
-    stiffness_within: Option<f64>,
+    #[arg(long, value_name = "FACTOR", default_value_t = STIFFNESS_WITHIN, allow_negative_numbers = true, value_parser = within)]
+    stiffness_within: f64,
     /// Tell the controller that the arm may follow so many seconds later than it was told.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = lag_tolerance)]
+    #[arg(long, value_name = "SECONDS", default_value_t = LAG_TOLERANCE_S, allow_negative_numbers = true, value_parser = lag_tolerance)]
     lag_tolerance: f64,
-    #[arg(long)]
-    damping: Option<f64>,
-    #[arg(long)]
-    dead: Option<f64>,
+    /// Tell the controller that the speed loops are of second order, with this damping ratio.
+    #[arg(long, value_name = "RATIO", default_value_t = LOOP_DAMPING, allow_negative_numbers = true, value_parser = damping)]
+    loop_damping: f64,
+}
+
+impl Default for Told {
+    fn default() -> Self {
+        Self {
+            cell: None,
+            exact: false,
+            stiffness_within: STIFFNESS_WITHIN,
+            lag_tolerance: LAG_TOLERANCE_S,
+            loop_damping: LOOP_DAMPING,
+        }
+    }
 }
 
 impl Told {
@@ -64,32 +85,36 @@ impl Told {
     /// # Errors
     /// As [`cells::with_speeds`].
     fn cells(&self, names: &[&str], threads: usize) -> Result<Vec<(&'static str, Cell)>, String> {
-        let told = |cell: Cell| match self.stiffness_within {
-            Some(within) => cell.knowing_a_range(within).allowing_lag(self.lag_tolerance),
-            None => cell.allowing_lag(self.lag_tolerance),
-        };
-        let damped = |mut cell: Cell| {
-            let n = cell.config.robot.joint.len();
-            if self.damping.is_some() || self.dead.is_some() {
-                cell.config.robot.velocity_loop = Some(admittance_host::robot_description::VelocityLoopDescription { damping: self.damping.map(|d| vec![d; n]), dead_time_s: self.dead.map(|d| vec![d; n]), report_lag_s: 0.0 });
-            }
-            cell
-        };
-        Ok(cells::with_speeds(names, threads)?.into_iter().map(|(name, cell)| (name, damped(told(cell)))).collect())
+        let cells = cells::with_speeds(names, threads)?.into_iter();
+        Ok(cells.map(|(name, cell)| (name, if self.exact { cell } else { self.tell(cell) })).collect())
+    }
+
+    /// The cell with what is told.
+    fn tell(&self, cell: Cell) -> Cell {
+        cell.knowing_a_range(self.stiffness_within)
+            .allowing_lag(self.lag_tolerance)
+            .following_with_damping(self.loop_damping)
     }
 }
 
 /// The options that say it again.
 impl fmt::Display for Told {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let usual = Self::default();
         if let Some(cell) = &self.cell {
             write!(f, " --cell \"{cell}\"")?;
         }
-        if let Some(within) = self.stiffness_within {
-            write!(f, " --stiffness-within {within}")?;
+        if self.exact {
+            return write!(f, " --exact");
         }
-        if self.lag_tolerance != 0.0 {
+        if self.stiffness_within != usual.stiffness_within {
+            write!(f, " --stiffness-within {}", self.stiffness_within)?;
+        }
+        if self.lag_tolerance != usual.lag_tolerance {
             write!(f, " --lag-tolerance {}", self.lag_tolerance)?;
+        }
+        if self.loop_damping != usual.loop_damping {
+            write!(f, " --loop-damping {}", self.loop_damping)?;
         }
         Ok(())
     }
@@ -103,6 +128,11 @@ fn within(text: &str) -> Result<f64, String> {
 fn lag_tolerance(text: &str) -> Result<f64, String> {
     let seconds = text.parse().ok().filter(|seconds| (0.0..=0.02).contains(seconds));
     seconds.ok_or_else(|| "accepted: 0 to 0.02 s, as control.lag_tolerance_s".to_owned())
+}
+
+fn damping(text: &str) -> Result<f64, String> {
+    let ratio = text.parse().ok().filter(|ratio| (0.0..=5.0).contains(ratio));
+    ratio.ok_or_else(|| "accepted: 0 to 5, as robot.velocity_loop.damping".to_owned())
 }
 
 /// A contact in a random world.
@@ -214,14 +244,17 @@ fn describe(named: &(&'static str, Cell), speed: f64, seed: u64, index: u64) -> 
 /// The first cycles of a contact, a line each.
 fn cycles(cell: &Cell, world: &plausible::World, speed_m_s: f64) -> Result<String, String> {
     let scenario = cell.scenario(world, speed_m_s, |_| true);
-    let mut text = "ms: largest true force since the cycle before, f\u{302}, twist offset, mode, verdict with its newtons\n".to_owned();
+    let mut text =
+        "ms: largest true force since the cycle before, f\u{302}, twist offset, mode, verdict with its newtons\n"
+            .to_owned();
     let mut touched_s = None;
     plausible::press_seen(cell.config(), &scenario, |step| {
         let (truth, command) = (&step.truth, &step.command);
         if truth.peak_wrench.iter().any(|force| *force != 0.0) {
             touched_s.get_or_insert(truth.scenario_time_s);
         }
-        let Some(since) = touched_s.map(|touched| truth.scenario_time_s - touched).filter(|since| *since < TOLD_S) else {
+        let Some(since) = touched_s.map(|touched| truth.scenario_time_s - touched).filter(|since| *since < TOLD_S)
+        else {
             return;
         };
         let of = |values: &[f64; 6], digits: usize| {
@@ -233,7 +266,7 @@ fn cycles(cell: &Cell, world: &plausible::World, speed_m_s: f64) -> Result<Strin
             1e3 * since,
             of(&truth.peak_wrench, 1),
             of(&step.report.wrench, 1),
-            of(&command.velocity_offset, 4) + " : " + &command.planned_offset.iter().zip(&command.plan_end_ns).take((command.plan_length as usize).min(8)).map(|(o, e)| format!("{:.2}@{:.1} ", o.iter().take(3).map(|x| x*x).sum::<f64>().sqrt(), (*e as f64) * 1e-6)).collect::<String>(),
+            of(&command.velocity_offset, 4),
             ipc_types::Mode::from_code(command.mode),
             ipc_types::Verdict::from_code(command.verdict),
             command.verdict_margin,
@@ -290,7 +323,9 @@ mod tests {
         const SEED: u64 = 3;
         let cells = cells::with_speeds(&["planar, 4 ms"], 1).unwrap();
         let cell = Some("planar, 4 ms".to_owned());
-        for told in [Told::default(), Told { cell, stiffness_within: Some(2.5), lag_tolerance: 0.005, damping: None, dead: None }] {
+        let exact = Told { exact: true, ..Told::default() };
+        let all = Told { cell, exact: false, stiffness_within: 3.0, lag_tolerance: 0.004, loop_damping: 0.7 };
+        for told in [Told::default(), exact, all] {
             let mut run = one(&cells[0], 0.5, SEED, 5).unwrap();
             run.contact.late_losses += 1;
             let examples = Figures::of(SEED, &told, &cells, &[run]).examples;
