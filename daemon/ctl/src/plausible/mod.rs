@@ -102,6 +102,16 @@ impl Cell {
         self
     }
 
+    /// The same cell with other weights: those of the wrench (Q_w) and of the input (R), times these factors. The
+    /// speed stays.
+    #[must_use]
+    pub fn weighing(mut self, wrench: f64, input: f64) -> Self {
+        let mpc = &mut self.config.mpc;
+        mpc.wrench_weight.iter_mut().for_each(|weight| *weight *= wrench);
+        mpc.input_weight.iter_mut().for_each(|weight| *weight *= input);
+        self
+    }
+
     /// The highest speed, not above the one with the model as told, at which in none of so many
     /// worlds a force exceeds its limit or the controller stops. (Losses of contact do not count:
     /// they are no danger, and loops of second order have them at any speed.) `tried` is told of

@@ -60,6 +60,12 @@ struct Told {
     /// Tell the controller that the speed loops are of second order, with this damping ratio.
     #[arg(long, value_name = "RATIO", default_value_t = LOOP_DAMPING, allow_negative_numbers = true, value_parser = damping)]
     loop_damping: f64,
+    /// Multiply the shipped weight of the wrench.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true, value_parser = weight)]
+    wrench_weight: f64,
+    /// Multiply the shipped weight of the input.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true, value_parser = weight)]
+    input_weight: f64,
 }
 
 impl Default for Told {
@@ -70,6 +76,8 @@ impl Default for Told {
             stiffness_within: STIFFNESS_WITHIN,
             lag_tolerance: LAG_TOLERANCE_S,
             loop_damping: LOOP_DAMPING,
+            wrench_weight: 1.0,
+            input_weight: 1.0,
         }
     }
 }
@@ -86,11 +94,15 @@ impl Told {
     /// As [`cells::with_speeds`].
     fn cells(&self, names: &[&str], threads: usize) -> Result<Vec<(&'static str, Cell)>, String> {
         let cells = cells::with_speeds(names, threads)?.into_iter();
-        Ok(cells.map(|(name, cell)| (name, if self.exact { cell } else { self.tell(cell) })).collect())
+        Ok(cells.map(|(name, cell)| (name, self.tell(cell))).collect())
     }
 
     /// The cell with what is told.
     fn tell(&self, cell: Cell) -> Cell {
+        let cell = cell.weighing(self.wrench_weight, self.input_weight);
+        if self.exact {
+            return cell;
+        }
         cell.knowing_a_range(self.stiffness_within)
             .allowing_lag(self.lag_tolerance)
             .following_with_damping(self.loop_damping)
@@ -105,16 +117,18 @@ impl fmt::Display for Told {
             write!(f, " --cell \"{cell}\"")?;
         }
         if self.exact {
-            return write!(f, " --exact");
+            write!(f, " --exact")?;
         }
-        if self.stiffness_within != usual.stiffness_within {
-            write!(f, " --stiffness-within {}", self.stiffness_within)?;
-        }
-        if self.lag_tolerance != usual.lag_tolerance {
-            write!(f, " --lag-tolerance {}", self.lag_tolerance)?;
-        }
-        if self.loop_damping != usual.loop_damping {
-            write!(f, " --loop-damping {}", self.loop_damping)?;
+        for (name, told, usual) in [
+            ("stiffness-within", self.stiffness_within, usual.stiffness_within),
+            ("lag-tolerance", self.lag_tolerance, usual.lag_tolerance),
+            ("loop-damping", self.loop_damping, usual.loop_damping),
+            ("wrench-weight", self.wrench_weight, usual.wrench_weight),
+            ("input-weight", self.input_weight, usual.input_weight),
+        ] {
+            if told != usual {
+                write!(f, " --{name} {told}")?;
+            }
         }
         Ok(())
     }
@@ -133,6 +147,11 @@ fn lag_tolerance(text: &str) -> Result<f64, String> {
 fn damping(text: &str) -> Result<f64, String> {
     let ratio = text.parse().ok().filter(|ratio| (0.0..=5.0).contains(ratio));
     ratio.ok_or_else(|| "accepted: 0 to 5, as robot.velocity_loop.damping".to_owned())
+}
+
+fn weight(text: &str) -> Result<f64, String> {
+    let factor = text.parse().ok().filter(|factor| (1e-3..=1e3).contains(factor));
+    factor.ok_or_else(|| "accepted: 0.001 to 1000".to_owned())
 }
 
 /// A contact in a random world.
@@ -318,13 +337,43 @@ mod tests {
         }
     }
 
+    /// What docs/commissioning.md says to tell is what the study tells.
+    #[test]
+    fn what_the_page_says_to_tell_is_told() {
+        let page = include_str!("../../../../../docs/commissioning.md");
+        let section = page.split_once("### Where numbers are known only roughly").unwrap().1;
+        let fragment = section.split("```").nth(1).unwrap().strip_prefix("toml").unwrap();
+        let mut file: toml::Table = include_str!("../../../../../deploy/robots/six-joint.toml").parse().unwrap();
+        let page: toml::Table = fragment.parse().unwrap();
+        let mut lay = |section: &str, keys: &toml::Value| {
+            let of = file[section].as_table_mut().unwrap();
+            of.extend(keys.as_table().unwrap().clone());
+        };
+        page.iter().for_each(|(section, keys)| lay(section, keys));
+        let laid: Config = admittance_host::config::parse(&file.to_string(), "six-joint.toml").unwrap();
+        let (_, cell) = cells::with_speeds(&["six joints, 4 ms"], 1).unwrap().remove(0);
+        let told = Told::default().tell(cell);
+        let told = told.config();
+        assert_eq!(laid.robot.velocity_loop, told.robot.velocity_loop);
+        assert_eq!(laid.control.lag_tolerance_s, told.control.lag_tolerance_s);
+        assert_eq!(format!("{:?}", laid.environment), format!("{:?}", told.environment));
+    }
+
     #[test]
     fn an_example_is_the_command_that_shows_the_run_again() {
         const SEED: u64 = 3;
         let cells = cells::with_speeds(&["planar, 4 ms"], 1).unwrap();
         let cell = Some("planar, 4 ms".to_owned());
         let exact = Told { exact: true, ..Told::default() };
-        let all = Told { cell, exact: false, stiffness_within: 3.0, lag_tolerance: 0.004, loop_damping: 0.7 };
+        let all = Told {
+            cell,
+            exact: false,
+            stiffness_within: 3.0,
+            lag_tolerance: 0.004,
+            loop_damping: 0.7,
+            wrench_weight: 10.0,
+            input_weight: 0.1,
+        };
         for told in [Told::default(), exact, all] {
             let mut run = one(&cells[0], 0.5, SEED, 5).unwrap();
             run.contact.late_losses += 1;
