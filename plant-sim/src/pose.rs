@@ -37,6 +37,11 @@ impl ArmPose {
         (!self.inverse_jacobian.is_empty()).then(|| velocity.collect())
     }
 
+    /// J, column by column: twist of the TCP in m/s and rad/s per unit of each joint's velocity.
+    pub fn jacobian(&self) -> &[Vec<f64>] {
+        &self.jacobian
+    }
+
     /// The twist with the largest speed along `direction` (base frame) that keeps the speed limits
     /// of the joints in rad/s: each joint at its limit, the way that helps. `None` where the arm is
     /// singular.

@@ -5,7 +5,7 @@ use admittance_runner::config::Config;
 use admittance_runner::cycle;
 use admittance_runner::virtual_time::{Step, VirtualTime};
 use ipc_types::{CommandSample, Motion, StopReason, TruthSample, Verdict, VirtualPlant};
-use plant_sim::pose;
+use plant_sim::pose::{self, ArmPose};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
@@ -88,12 +88,22 @@ impl Peak {
 /// # Errors
 /// What controller or plant do not accept.
 pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
+    press_seen(config, scenario, |_| ())
+}
+
+/// The same; `see` sees each cycle.
+///
+/// # Errors
+/// What controller or plant do not accept.
+pub fn press_seen(config: &Config, scenario: &Scenario, mut see: impl FnMut(&Step)) -> Result<Contact, String> {
     let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
     let (mut peak, mut losses, mut late_losses) = (Peak::default(), Losses::default(), 0);
     let (mut stop_reason, mut is_infeasible, mut is_at_risk) = (None, false, false);
     let mut has_fault = false;
-    while let Some(Step { command, truth, report, .. }) = run.step()? {
+    while let Some(step) = run.step()? {
+        see(&step);
+        let Step { command, truth, report, .. } = step;
         has_fault |= report.fault.is_some();
         peak.see(config, &truth);
         if let (new, true) = losses.see(&truth)
@@ -114,11 +124,24 @@ pub fn press(config: &Config, scenario: &Scenario) -> Result<Contact, String> {
 }
 
 /// The peak when every joint goes outward at its speed limit from the first active sample on: what
-/// is attainable.
+/// an arm attains all of whose axes may be moved.
 ///
 /// # Errors
 /// What the plant does not accept, and a configuration without limits of the joints' speeds.
 pub fn outward(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
+    outward_by(config, scenario, |pose, normal, limits, _| pose.fastest_twist(normal, limits))
+}
+
+/// The same with the twist that `fastest` gives for a pose, the surface's normal, the limits of the joints'
+/// speeds, and the twist reference.
+///
+/// # Errors
+/// As [`outward`], and where `fastest` has no answer.
+pub fn outward_by(
+    config: &Config,
+    scenario: &Scenario,
+    fastest: impl Fn(&ArmPose, &[f64; 3], &[f64], &[f64]) -> Option<Vec<f64>>,
+) -> Result<Peak, String> {
     let Some(limits) = &config.limits.joint_speed_rad_s else {
         return Err("without limits.joint_speed_rad_s nothing bounds what is attainable".to_owned());
     };
@@ -144,7 +167,9 @@ pub fn outward(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
         };
         if is_active || active_s.is_some() {
             let pose = pose::at(&scenario.robot, &state.joint_position[..joints]);
-            let twist = pose.and_then(|pose| pose.fastest_twist(&normal, limits)).ok_or("the arm is singular")?;
+            let reference = &state.twist_reference[..scenario.robot.task_axes as usize];
+            let twist = pose.and_then(|pose| fastest(&pose, &normal, limits, reference));
+            let twist = twist.ok_or("the arm is singular, or has no way out")?;
             for ((offset, twist), known) in command.velocity_offset.iter_mut().zip(twist).zip(state.twist_reference) {
                 *offset = twist - known;
             }

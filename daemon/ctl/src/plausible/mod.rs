@@ -5,10 +5,11 @@ mod contact;
 mod world;
 
 pub(crate) use contact::Losses;
-pub use contact::{Contact, Peak, outward, press};
+pub use contact::{Contact, Peak, outward, outward_by, press, press_seen};
 pub(crate) use world::NOISE_N;
 pub use world::{Cause, World};
 
+use admittance_host::robot_description::VelocityLoopDescription;
 use admittance_runner::config::{Config, ContactPointName};
 use plant_sim::scenario::Scenario;
 use rand::SeedableRng;
@@ -37,7 +38,10 @@ pub fn config_for(base: &Config, sampling_time_s: f64, stiffness_n_m: f64) -> Re
 /// A configured cell, and the way in which its arm approaches the surface.
 #[derive(Debug, Clone)]
 pub struct Cell {
+    /// What the controller is told.
     config: Config,
+    /// What the plant is where a world does not say otherwise.
+    truth: Config,
     approach: Approach,
     /// Highest safe speed in m/s with the model as told: what `admittancectl limits` names.
     pub highest_speed_m_s: f64,
@@ -58,12 +62,12 @@ impl Cell {
     ) -> Result<Self, String> {
         let approach = Approach::new(base, joints, direction).map_err(|(_, why)| why)?;
         let (config, highest_speed_m_s) = highest_safe_speed(base, &approach, sampling_time_s, instants)?;
-        Ok(Self { config, approach, highest_speed_m_s })
+        Ok(Self::known(config, &approach, highest_speed_m_s))
     }
 
     /// The same where all of that is known.
     pub(crate) fn known(config: Config, approach: &Approach, highest_speed_m_s: f64) -> Self {
-        Self { config, approach: approach.clone(), highest_speed_m_s }
+        Self { truth: config.clone(), config, approach: approach.clone(), highest_speed_m_s }
     }
 
     /// The same cell where the stiffness is only known to be within a factor of `within` of the one told,
@@ -83,6 +87,28 @@ impl Cell {
     #[must_use]
     pub fn allowing_lag(mut self, lag_tolerance_s: f64) -> Self {
         self.config.control.lag_tolerance_s = lag_tolerance_s;
+        self
+    }
+
+    /// The same cell whose controller is told that the speed loops are of second order, with this damping ratio
+    /// in each joint. The speed stays.
+    #[must_use]
+    pub fn following_with_damping(mut self, damping: f64) -> Self {
+        let robot = &mut self.config.robot;
+        let told = robot.velocity_loop.take();
+        let (dead_time_s, report_lag_s) = told.map_or((None, 0.0), |told| (told.dead_time_s, told.report_lag_s));
+        let damping = Some(vec![damping; robot.joint.len()]);
+        robot.velocity_loop = Some(VelocityLoopDescription { damping, dead_time_s, report_lag_s });
+        self
+    }
+
+    /// The same cell with other weights: those of the wrench (Q_w) and of the input (R), times these factors. The
+    /// speed stays.
+    #[must_use]
+    pub fn weighing(mut self, wrench: f64, input: f64) -> Self {
+        let mpc = &mut self.config.mpc;
+        mpc.wrench_weight.iter_mut().for_each(|weight| *weight *= wrench);
+        mpc.input_weight.iter_mut().for_each(|weight| *weight *= input);
         self
     }
 
@@ -122,7 +148,7 @@ impl Cell {
 
     /// The plant of a world in which only the causes of `is_on` differ from what was told.
     pub fn scenario(&self, world: &World, speed_m_s: f64, is_on: impl Fn(Cause) -> bool) -> Scenario {
-        let mut scenario = self.approach.scenario(&self.config, speed_m_s, world.contact_phase);
+        let mut scenario = self.approach.scenario(&self.truth, speed_m_s, world.contact_phase);
         world.apply(&mut scenario, is_on);
         scenario
     }

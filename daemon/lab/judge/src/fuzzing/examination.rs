@@ -133,14 +133,22 @@ impl Scale {
     /// With the same of `b` that bounds the square of their distance, however nearly parallel rows
     /// are:
     /// |y_a − y_b|² = Σ λ_a cᵀ(y_a − y_b) − Σ λ_b cᵀ(y_a − y_b).
-    pub(super) fn worth(&self, qp: &Qp<'_>, a: &Plea, b: &Plea) -> f64 {
+    ///
+    /// Plain numbers meet their bounds but for rounding, which is in the tolerance already: of these only what
+    /// `b` is seen to be beyond counts, which is what the solver tolerates.
+    pub(super) fn worth(&self, qp: &Qp<'_>, a: &Plea, b: &Plea, is_plain: bool) -> f64 {
         let rounding = ROUNDING * self.of_answer(a);
         let mut values = vec![0.0; padded(qp.row_count)];
         qp.rows.values(&b.z, &mut values);
         let worth = |(row, y): (usize, &f64)| {
             let off = self.off(qp, row, rounding);
             let beyond = (values[row] - qp.upper[row]).max(qp.lower[row] - values[row]);
-            y.abs() * (off + beyond.max(off))
+            let distance = match is_plain {
+                true if beyond > rounding * self.rows[row] => beyond,
+                true => 0.0,
+                false => off + beyond.max(off),
+            };
+            y.abs() * distance
         };
         a.multipliers[..qp.row_count].iter().enumerate().map(worth).sum()
     }

@@ -113,8 +113,8 @@ impl Case {
         };
         match (&cold_finding, &warm_finding) {
             (Finding::Solved { tolerance: a }, Finding::Solved { tolerance: b }) => {
-                let worth = scale.worth(&qp, &cold, &warm) + scale.worth(&qp, &warm, &cold);
-                let tolerance = a + b + if self.is_plain { 0.0 } else { worth.sqrt() };
+                let worth = |a, b| scale.worth(&qp, a, b, self.is_plain);
+                let tolerance = a + b + (worth(&cold, &warm) + worth(&warm, &cold)).sqrt();
                 scale.compare(&cold, &warm, tolerance)?;
                 Ok(Verdict::Solved)
             }

@@ -18,7 +18,11 @@ pub(super) struct Counts {
     runs: usize,
     /// Some force above its limit by more than 0.5 N.
     over_limit: usize,
-    /// Those that full outward speed would not have kept either.
+    /// Of these, those that full outward speed would have kept.
+    avoidable: usize,
+    /// Of these, those in which the controller did not stop.
+    never_stopped: usize,
+    /// Worlds in which full outward speed does not keep the limit, whatever the controller did.
     unattainable: usize,
     /// Largest force over its limit.
     worst_ratio: f64,
@@ -36,6 +40,8 @@ impl Counts {
         Self {
             runs: runs.clone().count(),
             over_limit: count(|run| run.contact.is_over),
+            avoidable: count(Run::is_avoidably_over),
+            never_stopped: count(|run| run.contact.is_over && run.contact.stop_reason.is_none()),
             unattainable: count(|run| run.outward.is_over),
             worst_ratio: runs.clone().map(|run| run.contact.peak_ratio).fold(0.0, f64::max),
             with_losses: count(|run| run.contact.late_losses > 0),
@@ -150,7 +156,9 @@ impl Figures {
             "m/s",
             "runs",
             "over limit",
-            "unattainable",
+            "of which avoidable",
+            "of which never stopped",
+            "full outward over",
             "worst ratio",
             "with losses",
             "false stops",
@@ -159,8 +167,8 @@ impl Figures {
         let mut row = |name: &str, speed: String, of: &Counts| {
             let counts = [of.with_losses, of.false_stops, of.silent].map(|count| count.to_string());
             let head = [name.to_owned(), speed, of.runs.to_string(), of.over_limit.to_string()];
-            let ratio = [of.unattainable.to_string(), format!("{:.3}", of.worst_ratio)];
-            table.add_row(head.into_iter().chain(ratio).chain(counts));
+            let over = [of.avoidable, of.never_stopped, of.unattainable].map(|count| count.to_string());
+            table.add_row(head.into_iter().chain(over).chain([format!("{:.3}", of.worst_ratio)]).chain(counts));
         };
         for cell in &self.by_cell {
             for of in &cell.by_speed {

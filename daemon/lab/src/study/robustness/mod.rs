@@ -3,13 +3,24 @@
 
 mod cells;
 mod figures;
+mod outward;
 
 use std::fmt::{self, Write as _};
 
+use admittance_runner::config::Config;
 use admittancectl::plausible::{self, Cause, Cell, Contact, Peak};
 use admittancectl::{Exit, offline, parallel};
 use figures::Figures;
+use plant_sim::scenario::Scenario;
 
+/// How long after the touch the cycles of a run are told, s.
+const TOLD_S: f64 = 0.1;
+/// What is told of the stiffness: twice as much is plausible, and a little more.
+const STIFFNESS_WITHIN: f64 = 2.5;
+/// What is told of an arm that follows late, s.
+const LAG_TOLERANCE_S: f64 = 0.005;
+/// What is told of speed loops whose order is not known: that they are of second order with this damping ratio.
+const LOOP_DAMPING: f64 = 0.8;
 /// Parts of the highest safe speed with the model as told.
 const SPEEDS: [f64; 3] = [1.0, 0.5, 0.25];
 
@@ -30,18 +41,45 @@ pub(crate) struct Args {
     options: offline::Options,
 }
 
-/// Which cells, and what their controllers are told.
-#[derive(Debug, Clone, Default, PartialEq, clap::Args)]
+/// Which cells, and what their controllers are told: unless asked otherwise, what docs/commissioning.md says to
+/// tell where a number is known no better than these worlds leave it.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 struct Told {
     /// Only this cell; all of them when absent.
     #[arg(long, value_parser = cells::NAMES)]
     cell: Option<String>,
+    /// Tell the controller the stiffness as one number, no tolerances, and loops of first order.
+    #[arg(long, conflicts_with_all = ["stiffness_within", "lag_tolerance", "loop_damping"])]
+    exact: bool,
     /// Tell the controller only that the stiffness is within this factor of what it would be told.
-    #[arg(long, value_name = "FACTOR", value_parser = within)]
-    stiffness_within: Option<f64>,
+    #[arg(long, value_name = "FACTOR", default_value_t = STIFFNESS_WITHIN, allow_negative_numbers = true, value_parser = within)]
+    stiffness_within: f64,
     /// Tell the controller that the arm may follow so many seconds later than it was told.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = lag_tolerance)]
+    #[arg(long, value_name = "SECONDS", default_value_t = LAG_TOLERANCE_S, allow_negative_numbers = true, value_parser = lag_tolerance)]
     lag_tolerance: f64,
+    /// Tell the controller that the speed loops are of second order, with this damping ratio.
+    #[arg(long, value_name = "RATIO", default_value_t = LOOP_DAMPING, allow_negative_numbers = true, value_parser = damping)]
+    loop_damping: f64,
+    /// Multiply the shipped weight of the wrench.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true, value_parser = weight)]
+    wrench_weight: f64,
+    /// Multiply the shipped weight of the input.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true, value_parser = weight)]
+    input_weight: f64,
+}
+
+impl Default for Told {
+    fn default() -> Self {
+        Self {
+            cell: None,
+            exact: false,
+            stiffness_within: STIFFNESS_WITHIN,
+            lag_tolerance: LAG_TOLERANCE_S,
+            loop_damping: LOOP_DAMPING,
+            wrench_weight: 1.0,
+            input_weight: 1.0,
+        }
+    }
 }
 
 impl Told {
@@ -55,25 +93,42 @@ impl Told {
     /// # Errors
     /// As [`cells::with_speeds`].
     fn cells(&self, names: &[&str], threads: usize) -> Result<Vec<(&'static str, Cell)>, String> {
-        let told = |cell: Cell| match self.stiffness_within {
-            Some(within) => cell.knowing_a_range(within).allowing_lag(self.lag_tolerance),
-            None => cell.allowing_lag(self.lag_tolerance),
-        };
-        Ok(cells::with_speeds(names, threads)?.into_iter().map(|(name, cell)| (name, told(cell))).collect())
+        let cells = cells::with_speeds(names, threads)?.into_iter();
+        Ok(cells.map(|(name, cell)| (name, self.tell(cell))).collect())
+    }
+
+    /// The cell with what is told.
+    fn tell(&self, cell: Cell) -> Cell {
+        let cell = cell.weighing(self.wrench_weight, self.input_weight);
+        if self.exact {
+            return cell;
+        }
+        cell.knowing_a_range(self.stiffness_within)
+            .allowing_lag(self.lag_tolerance)
+            .following_with_damping(self.loop_damping)
     }
 }
 
 /// The options that say it again.
 impl fmt::Display for Told {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let usual = Self::default();
         if let Some(cell) = &self.cell {
             write!(f, " --cell \"{cell}\"")?;
         }
-        if let Some(within) = self.stiffness_within {
-            write!(f, " --stiffness-within {within}")?;
+        if self.exact {
+            write!(f, " --exact")?;
         }
-        if self.lag_tolerance != 0.0 {
-            write!(f, " --lag-tolerance {}", self.lag_tolerance)?;
+        for (name, told, usual) in [
+            ("stiffness-within", self.stiffness_within, usual.stiffness_within),
+            ("lag-tolerance", self.lag_tolerance, usual.lag_tolerance),
+            ("loop-damping", self.loop_damping, usual.loop_damping),
+            ("wrench-weight", self.wrench_weight, usual.wrench_weight),
+            ("input-weight", self.input_weight, usual.input_weight),
+        ] {
+            if told != usual {
+                write!(f, " --{name} {told}")?;
+            }
         }
         Ok(())
     }
@@ -87,6 +142,16 @@ fn within(text: &str) -> Result<f64, String> {
 fn lag_tolerance(text: &str) -> Result<f64, String> {
     let seconds = text.parse().ok().filter(|seconds| (0.0..=0.02).contains(seconds));
     seconds.ok_or_else(|| "accepted: 0 to 0.02 s, as control.lag_tolerance_s".to_owned())
+}
+
+fn damping(text: &str) -> Result<f64, String> {
+    let ratio = text.parse().ok().filter(|ratio| (0.0..=5.0).contains(ratio));
+    ratio.ok_or_else(|| "accepted: 0 to 5, as robot.velocity_loop.damping".to_owned())
+}
+
+fn weight(text: &str) -> Result<f64, String> {
+    let factor = text.parse().ok().filter(|factor| (1e-3..=1e3).contains(factor));
+    factor.ok_or_else(|| "accepted: 0.001 to 1000".to_owned())
 }
 
 /// A contact in a random world.
@@ -113,10 +178,14 @@ impl Run {
         self.contact.stop_reason.is_some() && !self.outward.is_over
     }
 
+    /// Above the limit although full outward speed keeps it.
+    fn is_avoidably_over(&self) -> bool {
+        self.contact.is_over && !self.outward.is_over
+    }
+
     /// Whether something is wrong that the controller could have avoided.
     fn is_bad(&self) -> bool {
-        let is_over = self.contact.is_over && !self.outward.is_over;
-        is_over || self.contact.late_losses > 0 || self.is_false_stop()
+        self.is_avoidably_over() || self.contact.late_losses > 0 || self.is_false_stop()
     }
 }
 
@@ -155,7 +224,7 @@ fn one((name, cell): &(&'static str, Cell), speed: f64, seed: u64, index: u64) -
     let press = |is_on: &dyn Fn(Cause) -> bool| {
         let scenario = cell.scenario(&world, speed * cell.highest_speed_m_s, is_on);
         let both = plausible::press(cell.config(), &scenario)
-            .and_then(|contact| Ok((contact, plausible::outward(cell.config(), &scenario)?)));
+            .and_then(|contact| Ok((contact, attainable(cell.config(), &scenario)?)));
         let (contact, outward) = both.map_err(|why| format!("run {index} of seed {seed}, {name}: {why}"))?;
         Ok::<Run, String>(Run { index, cell: name, speed, contact, outward, causes: Vec::new() })
     };
@@ -169,6 +238,13 @@ fn one((name, cell): &(&'static str, Cell), speed: f64, seed: u64, index: u64) -
     Ok(run)
 }
 
+/// What full outward speed attains, on the axes that the controller may move.
+fn attainable(config: &Config, scenario: &Scenario) -> Result<Peak, String> {
+    plausible::outward_by(config, scenario, |pose, normal, speeds, reference| {
+        outward::fastest_twist(config, pose, normal, speeds, reference)
+    })
+}
+
 fn describe(named: &(&'static str, Cell), speed: f64, seed: u64, index: u64) -> Result<String, String> {
     let (name, cell) = named;
     let world = plausible::world(seed, index, cell.config().robot.joint.len());
@@ -180,6 +256,41 @@ fn describe(named: &(&'static str, Cell), speed: f64, seed: u64, index: u64) -> 
     for (cause, alone, cured) in causes {
         let _ = writeln!(text, "{cause:?}: bad with it alone: {alone}, good without it: {cured}");
     }
+    text += &cycles(cell, &world, named)?;
+    Ok(text)
+}
+
+/// The first cycles of a contact, a line each.
+fn cycles(cell: &Cell, world: &plausible::World, speed_m_s: f64) -> Result<String, String> {
+    let scenario = cell.scenario(world, speed_m_s, |_| true);
+    let mut text =
+        "ms: largest true force since the cycle before, f\u{302}, twist offset, mode, verdict with its newtons\n"
+            .to_owned();
+    let mut touched_s = None;
+    plausible::press_seen(cell.config(), &scenario, |step| {
+        let (truth, command) = (&step.truth, &step.command);
+        if truth.peak_wrench.iter().any(|force| *force != 0.0) {
+            touched_s.get_or_insert(truth.scenario_time_s);
+        }
+        let Some(since) = touched_s.map(|touched| truth.scenario_time_s - touched).filter(|since| *since < TOLD_S)
+        else {
+            return;
+        };
+        let of = |values: &[f64; 6], digits: usize| {
+            values[..3].iter().map(|value| format!("{value:9.digits$}")).collect::<String>()
+        };
+        let _ = writeln!(
+            text,
+            "{:6.1}: {} |{} |{} | {:?} {:?} {:.1}",
+            1e3 * since,
+            of(&truth.peak_wrench, 1),
+            of(&step.report.wrench, 1),
+            of(&command.velocity_offset, 4),
+            ipc_types::Mode::from_code(command.mode),
+            ipc_types::Verdict::from_code(command.verdict),
+            command.verdict_margin,
+        );
+    })?;
     Ok(text)
 }
 
@@ -226,12 +337,44 @@ mod tests {
         }
     }
 
+    /// What docs/commissioning.md says to tell is what the study tells.
+    #[test]
+    fn what_the_page_says_to_tell_is_told() {
+        let page = include_str!("../../../../../docs/commissioning.md");
+        let section = page.split_once("### Where numbers are known only roughly").unwrap().1;
+        let fragment = section.split("```").nth(1).unwrap().strip_prefix("toml").unwrap();
+        let mut file: toml::Table = include_str!("../../../../../deploy/robots/six-joint.toml").parse().unwrap();
+        let page: toml::Table = fragment.parse().unwrap();
+        let mut lay = |section: &str, keys: &toml::Value| {
+            let of = file[section].as_table_mut().unwrap();
+            of.extend(keys.as_table().unwrap().clone());
+        };
+        page.iter().for_each(|(section, keys)| lay(section, keys));
+        let laid: Config = admittance_host::config::parse(&file.to_string(), "six-joint.toml").unwrap();
+        let (_, cell) = cells::with_speeds(&["six joints, 4 ms"], 1).unwrap().remove(0);
+        let told = Told::default().tell(cell);
+        let told = told.config();
+        assert_eq!(laid.robot.velocity_loop, told.robot.velocity_loop);
+        assert_eq!(laid.control.lag_tolerance_s, told.control.lag_tolerance_s);
+        assert_eq!(format!("{:?}", laid.environment), format!("{:?}", told.environment));
+    }
+
     #[test]
     fn an_example_is_the_command_that_shows_the_run_again() {
         const SEED: u64 = 3;
         let cells = cells::with_speeds(&["planar, 4 ms"], 1).unwrap();
         let cell = Some("planar, 4 ms".to_owned());
-        for told in [Told::default(), Told { cell, stiffness_within: Some(2.5), lag_tolerance: 0.005 }] {
+        let exact = Told { exact: true, ..Told::default() };
+        let all = Told {
+            cell,
+            exact: false,
+            stiffness_within: 3.0,
+            lag_tolerance: 0.004,
+            loop_damping: 0.7,
+            wrench_weight: 10.0,
+            input_weight: 0.1,
+        };
+        for told in [Told::default(), exact, all] {
             let mut run = one(&cells[0], 0.5, SEED, 5).unwrap();
             run.contact.late_losses += 1;
             let examples = Figures::of(SEED, &told, &cells, &[run]).examples;
