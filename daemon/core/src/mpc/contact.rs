@@ -39,6 +39,8 @@ const ROOM: f64 = 2.0;
 const BACK_AT_ONCE: f64 = 0.5;
 /// In how many times the lag of the speed loops and a cycle the force then settles.
 const SETTLING_LAGS: f64 = 3.0;
+/// Least part of the normal along what gives way that can take a motion out of the surface.
+const LEAST_PART: f64 = 0.1;
 
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
     /// Solves (18) for what a contact asks. `expired` is called before and between solver
@@ -176,7 +178,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // One that leads out of it is along the surface as it was told.
         let inward = surface.outward_speed(&sample.twist_reference);
         let inward = if situation.belief.learns_normal() { inward } else { inward.min(0.0) };
-        let wanted_offset = surface.normal * if holds { -inward } else { 0.0 };
+        let out = if holds { way_out(&surface.normal, &inputs) } else { surface.normal };
+        let wanted_offset = out * if holds { -inward } else { 0.0 };
         // A force set point below f_min would lean on the price of the lower bound with all its
         // weight: an error of the model would throw the arm from one to the other.
         // Axes that hardly feel the surface press in another way.
@@ -200,7 +203,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let settling = if holds && demand.settles {
             let time = SETTLING_LAGS * (settings.loops.slowest() + settings.timing.sampling_time.seconds());
             let excess = surface.spring_force(sample.posture.pose()) - normal_force;
-            surface.normal * (excess / (surface.normal_stiffness() * time))
+            out * (excess / (surface.normal_stiffness() * time))
         } else {
             SVector::zeros()
         };
@@ -298,4 +301,15 @@ fn write_references<const N: usize, const D: usize>(
         let is_repeated = step > 0 && twists[step - 1] == *twist;
         references[step] = if is_repeated { references[step - 1] } else { situation.joint_velocity(twist) };
     }
+}
+
+/// The velocity of offsets that take 1 m/s along the normal out of a motion: along what of the normal gives
+/// way, the more of it the more the normal leans out of that. It is the normal where all of it gives way.
+fn way_out<const D: usize>(normal: &SVector<f64, D>, gives_way: &[bool; D]) -> SVector<f64, D> {
+    if (0..D).all(|axis| gives_way[axis] || normal[axis] == 0.0) {
+        return *normal;
+    }
+    let part = SVector::<f64, D>::from_fn(|axis, _| if gives_way[axis] { normal[axis] } else { 0.0 });
+    let square = part.norm_squared();
+    if square < LEAST_PART * LEAST_PART { *normal } else { part / square }
 }
