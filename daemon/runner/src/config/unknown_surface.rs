@@ -17,6 +17,14 @@ impl EnvironmentSection {
     }
 }
 
+impl EnvironmentSection {
+    /// Stiffness in N/m as an impact meets it.
+    pub(crate) fn in_impact(&self) -> f64 {
+        let greatest = self.stiffness_range_n_m.map_or(self.normal_stiffness_n_m, |[_, most]| most);
+        self.impact_stiffness_n_m.unwrap_or(greatest)
+    }
+}
+
 impl Config {
     /// Of a range with a law that has no model of the surface.
     pub(super) fn unknown_surface_without_mpc(&self) -> Vec<String> {
