@@ -18,6 +18,8 @@ use crate::turn::Turn;
 const FINEST: f64 = 0.25;
 /// Most instants looked at within a piece of the motors' way.
 const MOST_PIECES: f64 = 64.0;
+/// Gears that were told too soft would leave nothing, or less, for the surface to give: this part is left.
+const LEAST_LEFT: f64 = 0.2;
 /// A touch is looked for so far back, s, in pieces of this length.
 const LONGEST_TOUCH: f64 = 0.02;
 const TOUCH_PIECE: f64 = 0.00025;
@@ -30,8 +32,27 @@ pub struct ImpactModel<const N: usize> {
     pub links: ArmDynamics<N>,
     /// What each gear gives, rad/(N m); 0 of one that does not.
     pub compliance: SVector<f64, N>,
-    /// Stiffness of the surface as a link meets it, N/m: what a slow touch shows has the gears' in series.
-    pub surface_stiffness: f64,
+    /// Of the surface.
+    pub surface_stiffness: SurfaceStiffness,
+}
+
+/// How the stiffness of a surface is told, N/m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SurfaceStiffness {
+    /// As a link meets it.
+    InImpact(f64),
+    /// As a slow press shows it to the motors: with the gears' in series.
+    Pressed(f64),
+}
+
+impl SurfaceStiffness {
+    /// As this link meets it, N/m.
+    fn met_by(&self, link: &ImpactLink) -> f64 {
+        match *self {
+            Self::InImpact(stiffness) => stiffness,
+            Self::Pressed(stiffness) => stiffness / (1.0 - stiffness / link.gears).max(LEAST_LEFT),
+        }
+    }
 }
 
 /// The tool as a mass that gears hold to the motors, along a direction.
@@ -73,8 +94,12 @@ pub(crate) struct Shown {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Since {
     Free,
-    /// `None`: no gear gives, or the arm did not move in.
-    Touch(Option<Swing>),
+    Touch {
+        /// `None`: no gear gives, or the arm did not move in.
+        swing: Option<Swing>,
+        /// Whether the contact's first sample was the last one.
+        is_first: bool,
+    },
 }
 
 /// Follows the tool from a touch on.
@@ -102,21 +127,24 @@ impl LinkObserver {
     ) {
         let depth = -surface.height(&sample.posture.pose().position);
         let (stamp, before) = core::mem::replace(&mut self.last, (sample.stamp, depth));
-        let swing = match self.since {
-            Since::Touch(swing) => swing.map(|mut swing| {
-                swing.follow(depth - before, sample.stamp.since(stamp).seconds());
-                swing
-            }),
-            Since::Free => touch(model, surface, sample, joint_velocity, shown),
+        self.since = match self.since {
+            Since::Touch { mut swing, .. } => {
+                if let Some(swing) = &mut swing {
+                    swing.follow(depth - before, sample.stamp.since(stamp).seconds());
+                }
+                Since::Touch { swing, is_first: false }
+            }
+            Since::Free => Since::Touch { swing: touch(model, surface, sample, joint_velocity, shown), is_first: true },
         };
-        self.since = Since::Touch(swing);
     }
 
-    /// The link after the last sample; `None` where nothing is touched, or no gear gives along the normal.
-    pub(crate) fn swing(&self) -> Option<&Swing> {
-        match &self.since {
+    /// The link after the last sample, whose peak counts from here on; `None` where nothing is touched, or no
+    /// gear gives along the normal. At the first sample it counts from the touch on: how long ago that was
+    /// is known by f̂ alone, and what seems to be over may be to come.
+    pub(crate) fn swing(&self) -> Option<Swing> {
+        match self.since {
             Since::Free => None,
-            Since::Touch(swing) => swing.as_ref(),
+            Since::Touch { swing, is_first } => swing.map(|swing| swing.counted(is_first)),
         }
     }
 
@@ -137,13 +165,13 @@ fn touch<const N: usize, const D: usize>(
     let jacobian = sample.posture.jacobian();
     let speed = -surface.outward_speed(&(jacobian * joint_velocity));
     let link = model.link_by(&sample.joint_position, &jacobian.tr_mul(&surface.normal))?;
-    let touched = Swing::touching(&link, model.surface_stiffness, speed);
+    let touched = Swing::touching(&link, model.surface_stiffness.met_by(&link), speed);
     (speed > 0.0).then(|| touched.shows(surface.pressing_force(&sample.wrench), shown))
 }
 
 /// The link as it swings.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Swing {
+pub struct Swing {
     link: ImpactLink,
     /// Stiffness of the surface, N/m.
     surface: f64,
@@ -168,7 +196,7 @@ pub(crate) struct Peak {
 
 impl Swing {
     /// At the touch, with a speed in m/s, of a surface of this stiffness in N/m.
-    pub(crate) fn touching(link: &ImpactLink, surface: f64, speed: f64) -> Self {
+    pub fn touching(link: &ImpactLink, surface: f64, speed: f64) -> Self {
         Self { link: *link, surface, motors: 0.0, depth: 0.0, speed, elapsed: 0.0, deepest: 0.0, when: 0.0 }
     }
 
@@ -185,24 +213,23 @@ impl Swing {
         self
     }
 
-    /// The same whose peak is looked for from here on.
-    #[must_use]
-    pub(crate) fn onward(&self) -> Self {
-        Self { elapsed: 0.0, deepest: self.depth, when: 0.0, ..*self }
+    /// The same whose time, and whose peak unless it counts so far, begin here.
+    fn counted(self, so_far: bool) -> Self {
+        Self { elapsed: 0.0, deepest: if so_far { self.deepest } else { self.depth }, when: 0.0, ..self }
     }
 
-    /// The speed of the link into the surface, m/s.
-    pub(crate) fn speed(&self) -> f64 {
-        self.speed
+    /// Whether it goes deeper, or has been deeper.
+    pub(crate) fn has_a_peak(&self) -> bool {
+        self.speed > 0.0 || self.deepest > self.depth
     }
 
     /// The force on the surface, N.
-    pub(crate) fn force(&self) -> f64 {
+    pub fn force(&self) -> f64 {
         self.surface * self.depth.max(0.0)
     }
 
     /// Goes on while the motors go `by` m deeper in so many seconds, evenly.
-    pub(crate) fn follow(&mut self, by: f64, duration: f64) {
+    pub fn follow(&mut self, by: f64, duration: f64) {
         if duration <= 0.0 {
             self.motors += by;
             return;

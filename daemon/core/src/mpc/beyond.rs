@@ -16,6 +16,8 @@ const ABOVE_KEPT: f64 = 1.1;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Beyond {
     impact: Option<Impact>,
+    /// What an impact presses with already.
+    pressed: Peak,
     /// Standard deviation of f̂.
     deviation: f64,
     /// The limit that comes first, its axis, and the part of the normal that this is.
@@ -34,9 +36,12 @@ impl Beyond {
         impact: Option<Impact>,
     ) -> Self {
         let (covariance, normal) = (&situation.sample.wrench_covariance, &situation.belief.surface().normal);
+        // Once the force settles the swing is over, which nothing here damps.
+        let swing = situation.belief.swing().filter(|_| !demand.settles);
         let (axis, limit) = nearest_limit(settings, situation, &demand.signs).unwrap_or((0, f64::INFINITY));
         Self {
             impact: impact.filter(|_| limit.is_finite()),
+            pressed: Peak { force: swing.map_or(0.0, |swing| swing.force()), time: 0.0 },
             deviation: libm::sqrt(normal.dot(&(covariance * normal)).max(0.0)),
             limit,
             axis,
@@ -45,9 +50,9 @@ impl Beyond {
         }
     }
 
-    /// The verdict on an impact that is above the limit however fast the arm leaves.
+    /// The verdict on an impact that is above the limit already, or is going to be however fast the arm leaves.
     pub(super) fn hopeless(&self) -> Option<Verdict> {
-        self.broken_by(&self.impact?.least)
+        self.broken_by(&self.pressed).or_else(|| self.broken_by(&self.impact?.least))
     }
 
     fn broken_by(&self, peak: &Peak) -> Option<Verdict> {

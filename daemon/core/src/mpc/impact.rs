@@ -13,9 +13,9 @@ use crate::quantities::Span;
 
 /// Of a duration in pieces.
 const ROUNDING: f64 = 1e-6;
-/// How much more than one mass presses an arm of several, as a part: found over speeds and surfaces, where
-/// one mass is up to a tenth too little.
-const ONE_MASS: f64 = 1.1;
+/// How much more than one mass that is told presses an arm of several, as a part: found over speeds and surfaces,
+/// where one mass is up to a tenth too little, and for as much again by what is told of masses and gears.
+const ONE_MASS: f64 = 1.2;
 
 /// An impact that has begun, along the normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,12 +27,12 @@ pub(super) struct Impact {
     pub beyond: f64,
 }
 
-/// The impact that is under way. `None` where no masses are told, no gear gives, or the tool moves out.
+/// The impact that is under way. `None` where no masses are told, no gear gives, or its peak is over.
 pub(super) fn impact<const N: usize, const D: usize>(
     settings: &Settings<N, D>,
     situation: &Situation<'_, N, D>,
 ) -> Option<Impact> {
-    let swing = situation.belief.swing().filter(|swing| swing.speed() > 0.0)?.onward();
+    let swing = situation.belief.swing().filter(Swing::has_a_peak)?;
     let fastest = outward(settings, situation);
     let duration = settings.loops.slowest() / INSTANTS;
     let references = (0..INSTANTS as usize * LAGS).map(|_| (fastest, duration));

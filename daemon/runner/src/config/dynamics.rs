@@ -1,7 +1,7 @@
 //! `[dynamics]`: what the arm weighs, how it rubs and where it gives, for impacts and for a wrench from
 //! motor torques.
 
-use admittance_core::belief::ImpactModel;
+use admittance_core::belief::{ImpactModel, SurfaceStiffness};
 use admittance_core::intake::TorqueModel;
 use admittance_core::robot::{ArmDynamics, Chain, JointFriction, LinkInertia};
 use admittance_host::config::ConfigError;
@@ -118,7 +118,7 @@ impl DynamicsSection {
         &self,
         chain: &Chain<N>,
         gravity: Vector3<f64>,
-        surface_stiffness: f64,
+        surface_stiffness: SurfaceStiffness,
     ) -> Option<ImpactModel<N>> {
         let joints: &[JointDynamics; N] = self.joint.as_slice().try_into().ok()?;
         let of = |value: fn(&JointDynamics) -> f64| SVector::from_fn(|joint, _| value(&joints[joint]));

@@ -1,5 +1,6 @@
 //! A surface of which only a range is told: what such a range must be.
 
+use admittance_core::belief::SurfaceStiffness;
 use admittance_host::config::{ConfigError, short};
 
 use super::{Config, ContactPointName, EnvironmentSection, LawName};
@@ -18,10 +19,10 @@ impl EnvironmentSection {
 }
 
 impl EnvironmentSection {
-    /// Stiffness in N/m as an impact meets it.
-    pub(crate) fn in_impact(&self) -> f64 {
+    /// What an impact is reckoned with.
+    pub(crate) fn in_impact(&self) -> SurfaceStiffness {
         let greatest = self.stiffness_range_n_m.map_or(self.normal_stiffness_n_m, |[_, most]| most);
-        self.impact_stiffness_n_m.unwrap_or(greatest)
+        self.impact_stiffness_n_m.map_or(SurfaceStiffness::Pressed(greatest), SurfaceStiffness::InImpact)
     }
 }
 
