@@ -109,8 +109,8 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             resolves: self.redundancy.is_some(),
             joint_speed: self.limits.joint_speed,
             source: self.wrench_source,
-            // A force that may be off by more than its limit says nothing of it. The limit is kept by f̂ as it
-            // is: what it may be off by is not taken from the limit.
+            surface: self.surface,
+            // A force that may be off by more than its limit says nothing of it.
             largest_deviation: SVector::from_fn(|axis, _| match self.thresholds.admittance[axis] {
                 true => self.mpc.force_limit[axis] / 3.0,
                 false => f64::INFINITY,
