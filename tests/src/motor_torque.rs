@@ -41,7 +41,7 @@ pub fn dynamics(scenario: &str, masses: f64, friction: f64, seed: u64) -> String
     let joints = plant["rigid_body"]["joint"].as_array_mut().expect("joints");
     for joint in &mut *joints {
         let joint = joint.as_table_mut().expect("a joint");
-        let of_drive = ["gear_stiffness", "gear_damping", "torque_limit", "speed_gain", "encoder_counts"];
+        let of_drive = ["gear_damping", "torque_limit", "speed_gain", "encoder_counts"];
         joint.retain(|key, _| !of_drive.iter().any(|name| key.starts_with(name)));
         let mass = 1.0 + masses * draw(&mut state);
         let rubbing = 1.0 + friction * draw(&mut state);

@@ -40,7 +40,7 @@ vocabulary! {
         None = 0 "No verdict: no axis is in contact, or the law gives none.";
         Feasible = 1 "The limits can be met; the margin is the newtons left.";
         Infeasible = 2 "The limits cannot be met; axis, side, time and missing newtons are given.";
-        AtRisk = 3 "Some surfaces that may be there cannot be kept below the limit: the offset is that for the worst of them; axis, time and its newtons above the limit are given.";
+        AtRisk = 3 "Some surfaces that may be there, or a wrench within what it may be off by, cannot be kept below the limit: the offset is that for the worst of them; axis, time and its newtons above the limit are given.";
     }
 }
 

@@ -30,6 +30,7 @@ pub(super) fn planar_arm() -> Parameters<2, 2> {
         wrench_dead_time: Span::default(),
         wrench_noise: Vector2::zeros(),
         wrench_source: WrenchSource::Sample,
+        impact: None,
         conditioning: Conditioning::none(),
         surface: Surface::plane(1e5, &normal, frame(1.32, 0.68)),
         thresholds: Thresholds {

@@ -163,6 +163,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         if matches!(supervisor.mode(), Mode::Idle(_)) {
             belief.release();
         }
+        belief.follow_link(parameters.impact.as_ref(), sample, &joints.velocity);
         match supervisor.mode() {
             Mode::Idle(_) => beside.stand_by(sample),
             Mode::Free { .. } | Mode::Contact(_) if supervisor.is_enabled() => {

@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, SVector};
 
-use crate::belief::{self, ContactPoint, ContactSign, SurfaceSigns, Thresholds};
+use crate::belief::{self, ContactPoint, ContactSign, ImpactModel, SurfaceSigns, Thresholds};
 use crate::intake::{self, Conditioning, Timing, TorqueModel, WrenchSource};
 use crate::mpc::condensation::{Capacity, MAX_ROWS};
 use crate::mpc::{self, Discretization, LowerBound, Options, SolverCapacity};
@@ -65,6 +65,8 @@ pub struct Parameters<const N: usize, const D: usize> {
     pub law: Law<D>,
     /// The MPC; a minimum-force stop uses its model, horizon and limits under every law.
     pub mpc: Options<N, D>,
+    /// What an impact is reckoned with; `None` where no masses are told.
+    pub impact: Option<ImpactModel<N>>,
     /// Limits of joints and offset.
     pub limits: MotionLimits<N, D>,
     /// What to do about a force that cannot be kept.
@@ -90,6 +92,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             chain: self.chain.seen_from(&turn),
             surface: self.surface.turned(&turn),
             conditioning: self.conditioning.seen_from(&turn),
+            impact: self.impact.map(|model| model.seen_from(&turn)),
             ..*self
         }
     }
@@ -106,8 +109,8 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             resolves: self.redundancy.is_some(),
             joint_speed: self.limits.joint_speed,
             source: self.wrench_source,
-            // A force that may be off by more than its limit says nothing of it. The limit is kept by f̂ as it
-            // is: what it may be off by is not taken from the limit.
+            surface: self.surface,
+            // A force that may be off by more than its limit says nothing of it.
             largest_deviation: SVector::from_fn(|axis, _| match self.thresholds.admittance[axis] {
                 true => self.mpc.force_limit[axis] / 3.0,
                 false => f64::INFINITY,

@@ -14,7 +14,7 @@ pub mod consequences;
 pub mod demo;
 mod diagnostics;
 mod doctor;
-mod identify;
+pub mod identify;
 mod import;
 mod installed_files;
 mod lead;

@@ -1,6 +1,6 @@
 //! From the configuration to the core's parameters.
 
-use admittance_core::belief::{ContactPoint, ContactSign, Prior, Thresholds};
+use admittance_core::belief::{ContactPoint, ContactSign, ImpactLink, Prior, Thresholds};
 use admittance_core::intake::{Conditioning, GivenIn, GivenSign, Timing, WrenchSource};
 use admittance_core::mpc::Weights;
 use admittance_core::mpc::{
@@ -11,7 +11,7 @@ use admittance_core::quantities::{Span, is_linear};
 use admittance_core::robot::{DriveLimits, Drives, Interval, MotionLimits, Pose, rotation_from_rpy};
 use admittance_core::supervisor::{Guards, OnContactLost, OnInfeasible, Policy};
 use admittance_core::surface::Surface;
-use admittance_core::{Parameters, Stopping};
+use admittance_core::{Parameters, Stopping, with_arm};
 use nalgebra::{SVector, Vector3};
 
 use crate::config::{
@@ -89,6 +89,12 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
             WrenchSourceName::MotorTorque => {
                 WrenchSource::MotorTorque(config.dynamics.as_ref()?.model(&chain, config.wrench.gravity_m_s2.into())?)
             }
+        },
+        impact: match &config.dynamics {
+            Some(dynamics) => {
+                Some(dynamics.impact(&chain, config.wrench.gravity_m_s2.into(), environment.in_impact())?)
+            }
+            None => None,
         },
         conditioning: conditioning(&config.wrench)?,
         surface: Surface::plane(
@@ -203,6 +209,18 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
         },
         start_enabled: config.control.start_enabled,
     })
+}
+
+/// The tool as an impact along the surface's normal meets it, at a joint position in rad or m; `None` where
+/// no masses are told, or no gear gives.
+pub fn link_in_impact(config: &Config, joint_position: &[f64]) -> Option<ImpactLink> {
+    let normal = Vector3::from(config.environment.surface_normal).try_normalize(1e-3)?;
+    let (joints, axes) = (config.robot.joint.len(), config.robot.task_axes);
+    with_arm!((joints, axes), <N, D> => {
+        let q = SVector::<f64, N>::from_column_slice(joint_position.get(..N)?);
+        let parameters = parameters::<N, D>(config, 1)?;
+        parameters.impact?.link(&q, &normal)
+    }, else None)
 }
 
 /// How f̂ follows from the state sample; `None` if the deadband has another number of axes than D.

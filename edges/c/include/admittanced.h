@@ -63,7 +63,7 @@
 #define ADMITTANCED_VERDICT_NONE 0u /* No verdict: no axis is in contact, or the law gives none. */
 #define ADMITTANCED_VERDICT_FEASIBLE 1u /* The limits can be met; the margin is the newtons left. */
 #define ADMITTANCED_VERDICT_INFEASIBLE 2u /* The limits cannot be met; axis, side, time and missing newtons are given. */
-#define ADMITTANCED_VERDICT_AT_RISK 3u /* Some surfaces that may be there cannot be kept below the limit: the offset is that for the worst of them; axis, time and its newtons above the limit are given. */
+#define ADMITTANCED_VERDICT_AT_RISK 3u /* Some surfaces that may be there, or a wrench within what it may be off by, cannot be kept below the limit: the offset is that for the worst of them; axis, time and its newtons above the limit are given. */
 
 /* Side Which force limit a verdict is about. */
 #define ADMITTANCED_SIDE_NONE 0u /* No limit. */

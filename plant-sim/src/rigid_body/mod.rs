@@ -20,7 +20,7 @@ pub use load::{Load, Pressed};
 pub use overload::Overload;
 pub(crate) use resolution::Spring;
 pub use resolution::Unresolved;
-pub use section::{RigidBodySection, RigidJointSection};
+pub use section::{DriveSection, RigidBodySection, RigidJointSection};
 
 use admittance_core::robot::{ArmDynamics, Chain, DynamicsError, LinkInertia};
 use nalgebra::{SVector, Vector3, Vector6};

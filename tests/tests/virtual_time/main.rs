@@ -11,6 +11,7 @@ mod heavy_tool;
 mod inputs_within_the_cycle;
 mod lag_tolerance;
 mod limits_are_constraints;
+mod masses_verdict;
 mod motor_torque;
 mod paper_experiment;
 mod redundancy;

@@ -25,6 +25,7 @@
 mod contact;
 mod detection;
 mod expectation;
+mod impact_motion;
 mod inward_way;
 mod joint_motion;
 mod lag_inverse;
@@ -41,6 +42,8 @@ use nalgebra::{SMatrix, SVector, Vector3};
 pub use contact::Thresholds;
 pub(crate) use contact::{Contact, Felt, SurfaceSigns};
 pub use expectation::Expected;
+pub(crate) use impact_motion::Peak;
+pub use impact_motion::{ImpactLink, ImpactModel, SurfaceStiffness, Swing};
 pub(crate) use inward_way::WayObserver;
 pub use joint_motion::JointMotion;
 pub(crate) use joint_motion::JointObserver;
@@ -55,6 +58,7 @@ use crate::quantities::{Instant, Span, linear_axes};
 use crate::surface::Surface;
 use crate::turn::Turn;
 use detection::Detection;
+use impact_motion::{LinkObserver, Shown};
 use lag_inverse::LagInverse;
 use spring_history::SpringHistory;
 
@@ -114,6 +118,8 @@ pub(crate) struct Belief<const D: usize> {
     lag_inverse: LagInverse<D>,
     /// What the surface may be, where only a range of it is told.
     set: Option<SurfaceSet>,
+    /// The tool in an impact, where masses are told.
+    link: LinkObserver,
 }
 
 impl<const D: usize> Belief<D> {
@@ -133,6 +139,7 @@ impl<const D: usize> Belief<D> {
                 settings.sampling_time,
             ),
             set: settings.set(),
+            link: LinkObserver::new(),
             settings,
         }
     }
@@ -158,8 +165,19 @@ impl<const D: usize> Belief<D> {
     /// Takes over the state of `old`, with these settings: a configured contact point replaces the
     /// old one.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: old_settings, signs: _, surface, contact, detection, expected, springs, lag_inverse, set } =
-            old;
+        let Self {
+            settings: old_settings,
+            signs: _,
+            surface,
+            contact,
+            detection,
+            expected,
+            springs,
+            lag_inverse,
+            set,
+            link,
+        } = old;
+        self.link = *link;
         if self.settings.contact_point != ContactPoint::Configured {
             self.surface.contact = surface.contact;
         }
@@ -298,6 +316,27 @@ impl<const D: usize> Belief<D> {
     fn lag(&self) -> f64 {
         let felt = self.signs.axes(&self.settings.thresholds.admittance).next().unwrap_or(0);
         self.settings.wrench_time_constant[felt]
+    }
+
+    /// Follows the tool in an impact, by what is told of the arm; joint velocities as they are believed to be.
+    pub(crate) fn follow_link<const N: usize>(
+        &mut self,
+        model: Option<&ImpactModel<N>>,
+        sample: &Accepted<N, D>,
+        joint_velocity: &SVector<f64, N>,
+    ) {
+        let shown = Shown { lag: self.lag(), dead_time: self.settings.wrench_dead_time.seconds() };
+        match model {
+            Some(model) if self.contact.is_any() => {
+                self.link.follow(model, &self.surface, sample, joint_velocity, shown);
+            }
+            _ => self.link.forget(),
+        }
+    }
+
+    /// The tool in an impact: `None` where none is known of.
+    pub(crate) fn swing(&self) -> Option<Swing> {
+        self.link.swing()
     }
 
     /// The axes in contact.

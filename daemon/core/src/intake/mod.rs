@@ -19,6 +19,7 @@ mod sample;
 #[cfg(test)]
 mod tests;
 mod tool_motion;
+mod torque_learning;
 mod wrench;
 
 use nalgebra::{SMatrix, SVector, Vector6};
@@ -33,6 +34,7 @@ pub use wrench::{Conditioning, GivenIn, GivenSign};
 
 use crate::quantities::{GivenWrench, Instant, Span};
 use crate::robot::{Chain, Posture};
+use crate::surface::Surface;
 use crate::turn::Turn;
 use momentum_observer::{Estimate, MomentumObserver, unseen};
 use order::SampleOrder;
@@ -76,6 +78,8 @@ pub(crate) struct Settings<const N: usize, const D: usize> {
     pub source: WrenchSource<N>,
     /// Standard deviation of f̂ per axis in N and N·m above which torques show too little of it.
     pub largest_deviation: SVector<f64, D>,
+    /// The surface: well above it nothing presses, and torques tell of friction and masses.
+    pub surface: Surface<D>,
 }
 
 /// The wrench of a sample, however it came by it.

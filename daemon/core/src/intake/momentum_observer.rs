@@ -11,13 +11,21 @@
 //! gain of p is T_est times that of f̂: the lag of f̂ is T_est, and its overshoot at most 4 %.
 //!
 //! What friction and masses are off by is no noise that a filter could average: it is in f̂ for as long
-//! as it lasts, and its variance is added to the filter's.
+//! as it lasts. What of it free motion has taught ([`torque_learning`](super::torque_learning)) is taken out, and the
+//! variance of the rest is added to the filter's.
 
 use nalgebra::{SMatrix, SVector};
 
+use super::torque_learning::{Regressors, Shares};
 use super::{Sample, Settings};
 use crate::quantities::Instant;
 use crate::robot::{ArmDynamics, JointFriction, Posture, TaskAxes};
+use crate::surface::Surface;
+
+/// A tool so far above the surface presses on nothing, m.
+const CLEAR: f64 = 0.01;
+/// In so many lags of f̂ a force has faded from it.
+const FADED: f64 = 5.0;
 
 /// Share of J Jᵀ that keeps it invertible where J is not, far above rounding.
 const LEAST_SEEN: f64 = 1e-9;
@@ -70,9 +78,12 @@ pub(super) struct MomentumObserver<const N: usize, const D: usize> {
     /// τ − τ_f + Cᵀ q̇ − G at the sample, N m.
     drive: SVector<f64, N>,
     momentum: SVector<f64, N>,
-    /// How much torque accelerates each joint, or has done so within the lag, N m.
-    shaken: SVector<f64, N>,
+    /// Variance of each joint's torque by what passes, now or within the lag, (N m)².
+    passing: SVector<f64, N>,
+    /// f̂ by friction and masses as they are told.
+    told: SVector<f64, D>,
     estimate: Estimate<D>,
+    learned: Learned<N>,
     /// Covariance of p, of p with f̂, and of f̂.
     variance: SMatrix<f64, N, N>,
     shared: SMatrix<f64, N, D>,
@@ -91,9 +102,23 @@ struct Seen<const N: usize, const D: usize> {
     to_wrench: SMatrix<f64, D, N>,
     /// Variance of the torques' noise.
     torque: SVector<f64, N>,
-    /// Covariance of the torques by friction and weights.
-    lasting: SMatrix<f64, N, N>,
+    /// Friction and weights, as told.
+    regressors: Regressors<N>,
+    /// Variance of the torques by friction that is no share of what is told.
+    stuck: SVector<f64, N>,
     acceleration_tolerance: f64,
+    /// Whether the tool is well above the surface.
+    is_clear: bool,
+}
+
+/// What free motion has taught.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Learned<const N: usize> {
+    shares: Shares<N>,
+    /// Of which f̂ shows what friction and masses are off by, with its lag.
+    lagged: Regressors<N>,
+    /// Since when the tool has been clear of the surface, s.
+    clear: f64,
 }
 
 impl<const N: usize, const D: usize> Seen<N, D> {
@@ -101,6 +126,7 @@ impl<const N: usize, const D: usize> Seen<N, D> {
         model: &TorqueModel<N>,
         sample: &Sample<N, D>,
         posture: &Posture<N, D>,
+        surface: &Surface<D>,
         inverse: &SMatrix<f64, N, D>,
     ) -> Self {
         let here = model.dynamics.at(&sample.joint_position);
@@ -109,10 +135,7 @@ impl<const N: usize, const D: usize> Seen<N, D> {
         let friction = |joint: usize| &model.friction[joint];
         let velocity = |joint: usize| sample.joint_velocity[joint];
         let rubbing = SVector::from_fn(|joint, _| friction(joint).torque(velocity(joint)));
-        let mut unsure = weights * weights.transpose() * (model.mass_tolerance * model.mass_tolerance);
-        for joint in 0..N {
-            unsure[(joint, joint)] += friction(joint).variance(velocity(joint), model.velocity_noise);
-        }
+        let stuck = SVector::from_fn(|joint, _| friction(joint).variance(velocity(joint), model.velocity_noise));
         let mass = here.mass_matrix();
         let to_wrench = inverse.transpose();
         Self {
@@ -122,22 +145,78 @@ impl<const N: usize, const D: usize> Seen<N, D> {
             to_torque: posture.jacobian().transpose(),
             to_wrench,
             torque: model.torque_noise.component_mul(&model.torque_noise),
-            lasting: unsure,
+            regressors: Regressors { friction: rubbing, weights },
+            stuck,
             acceleration_tolerance: model.acceleration_tolerance,
+            is_clear: surface_height(surface, posture) > CLEAR,
         }
     }
 
-    /// The covariance of f̂ by what does not pass: friction, weights, and what is off in the torques that
-    /// accelerate the joints.
-    fn off(&self, shaken: &SVector<f64, N>) -> SMatrix<f64, D, D> {
-        let moving = (shaken * self.acceleration_tolerance).map(|torque| torque * torque);
-        self.to_wrench * (self.lasting + SMatrix::from_diagonal(&moving)) * self.to_wrench.transpose()
+    /// Variance of the torques by what is neither a share of friction nor of a weight: a joint that may stick,
+    /// and torques that accelerate.
+    fn passing(&self, accelerating: &SVector<f64, N>) -> SVector<f64, N> {
+        self.stuck + (accelerating * self.acceleration_tolerance).map(|torque| torque * torque)
+    }
+
+    /// f̂ from that by friction and masses as they are told, with the covariance of the filter.
+    fn estimate(
+        &self,
+        told: &SVector<f64, D>,
+        filter: &SMatrix<f64, D, D>,
+        passing: &SVector<f64, N>,
+        learned: &Learned<N>,
+    ) -> Estimate<D> {
+        let lasting = learned.shares.covariance(&self.regressors) + SMatrix::from_diagonal(passing);
+        Estimate {
+            wrench: told - self.to_wrench * learned.shares.torque(&learned.lagged),
+            covariance: filter + self.to_wrench * lasting * self.to_wrench.transpose(),
+        }
     }
 
     /// The variance of f̂ by the noise of one sample's torques.
     fn force_noise(&self) -> SMatrix<f64, D, D> {
         self.to_wrench * SMatrix::from_diagonal(&self.torque) * self.to_wrench.transpose()
     }
+}
+
+impl<const N: usize> Learned<N> {
+    /// After a step of `h` seconds, of an f̂ (by what is told) with this covariance of the filter.
+    fn after<const D: usize>(
+        &self,
+        model: &TorqueModel<N>,
+        seen: &Seen<N, D>,
+        (told, filter): (&SVector<f64, D>, &SMatrix<f64, D, D>),
+        passing: &SVector<f64, N>,
+        (h, lag): (f64, f64),
+    ) -> Self {
+        let left = libm::exp(-h / lag);
+        let mut after = Self {
+            shares: self.shares,
+            lagged: self.lagged.lagged(&seen.regressors, left),
+            clear: if seen.is_clear { self.clear + h } else { 0.0 },
+        };
+        if after.clear > FADED * lag {
+            let torque = seen.to_torque * told - after.shares.torque(&after.lagged);
+            let noise = (seen.to_torque * filter * seen.to_torque.transpose()).diagonal();
+            // Within the lag of f̂ samples say the same again and again.
+            let again = (2.0 * lag / h).max(1.0);
+            let variance = (noise + passing) * again;
+            after.shares.learn(&after.lagged, &torque, &variance, &model.told_shares(), h);
+        }
+        after
+    }
+}
+
+impl<const N: usize> TorqueModel<N> {
+    /// Friction and masses as they are told.
+    fn told_shares(&self) -> Shares<N> {
+        Shares::told(&self.friction, self.mass_tolerance)
+    }
+}
+
+/// How far above the surface the TCP is, m.
+fn surface_height<const N: usize, const D: usize>(surface: &Surface<D>, posture: &Posture<N, D>) -> f64 {
+    surface.height(&posture.pose().position) - surface.height(&surface.contact.position)
 }
 
 /// Of these task axes the one along which a force loads the joints least.
@@ -172,26 +251,34 @@ impl<const N: usize, const D: usize> MomentumObserver<N, D> {
         posture: &Posture<N, D>,
     ) -> Option<Self> {
         let inverse = posture.least_norm_inverse().ok()?;
-        let seen = Seen::new(model, sample, posture, &inverse.matrix);
+        let seen = Seen::new(model, sample, posture, &settings.surface, &inverse.matrix);
         let lag = settings.wrench_time_constant.max();
         let since = |last: &Self| sample.stamp.since(last.stamp);
         let follows = |last: &&Self| last.boot_id == sample.boot_id && since(last) <= settings.timing.pause();
         Some(match last.filter(follows) {
-            Some(last) if since(last).seconds() > 0.0 => last.after(&seen, since(last).seconds(), lag, sample),
+            Some(last) if since(last).seconds() > 0.0 => last.after(model, &seen, since(last).seconds(), lag, sample),
             Some(last) => *last,
-            None => Self::first(&seen, sample),
+            None => {
+                // Friction is what it was before the pause.
+                let shares = last.map_or_else(|| model.told_shares(), |last| last.learned.shares);
+                Self::first(&seen, sample, shares)
+            }
         })
     }
 
-    fn first(seen: &Seen<N, D>, sample: &Sample<N, D>) -> Self {
+    fn first(seen: &Seen<N, D>, sample: &Sample<N, D>, shares: Shares<N>) -> Self {
         let force = seen.force_noise();
+        let learned = Learned { shares, lagged: seen.regressors, clear: 0.0 };
+        let told = seen.to_wrench * seen.drive;
         Self {
             boot_id: sample.boot_id,
             stamp: sample.stamp,
             drive: seen.drive,
             momentum: seen.momentum,
-            estimate: Estimate { wrench: seen.to_wrench * seen.drive, covariance: force + seen.off(&SVector::zeros()) },
-            shaken: SVector::zeros(),
+            told,
+            estimate: seen.estimate(&told, &force, &seen.stuck, &learned),
+            learned,
+            passing: seen.stuck,
             variance: seen.noise,
             shared: SMatrix::zeros(),
             force,
@@ -199,12 +286,12 @@ impl<const N: usize, const D: usize> MomentumObserver<N, D> {
     }
 
     /// A step of `h` seconds, in which J counts as constant and the torques as a straight line.
-    fn after(&self, seen: &Seen<N, D>, h: f64, lag: f64, sample: &Sample<N, D>) -> Self {
+    fn after(&self, model: &TorqueModel<N>, seen: &Seen<N, D>, h: f64, lag: f64, sample: &Sample<N, D>) -> Self {
         let (to_torque, jacobian) = (&seen.to_torque, seen.to_torque.transpose());
         let by_momentum = seen.to_wrench * self.variance * seen.to_wrench.transpose();
         let walk = (seen.force_noise() * (h * h) + by_momentum * (2.0 * h / lag)) / (lag * lag);
         let walked = to_torque * walk;
-        let predicted = self.momentum + ((self.drive + seen.drive) * 0.5 - to_torque * self.estimate.wrench) * h;
+        let predicted = self.momentum + ((self.drive + seen.drive) * 0.5 - to_torque * self.told) * h;
         // A walk of f̂ within the step adds up to a third of it in p, and half of it in what they share.
         let cross = self.shared * jacobian;
         let variance = self.variance - (cross + cross.transpose()) * h
@@ -213,22 +300,27 @@ impl<const N: usize, const D: usize> MomentumObserver<N, D> {
         let shared = self.shared - (to_torque * self.force + walked * 0.5) * h;
         let force = self.force + walk;
         let innovation = seen.momentum - predicted;
-        let Some(factor) = (variance + seen.noise).cholesky() else { return Self::first(seen, sample) };
+        let Some(factor) = (variance + seen.noise).cholesky() else {
+            return Self::first(seen, sample, self.learned.shares);
+        };
         // Gains are P S⁻¹, S symmetric.
         let (of_momentum, of_force) = (factor.solve(&variance), factor.solve(&shared));
         let force = symmetric(&(force - shared.transpose() * of_force));
-        let wrench = self.estimate.wrench + of_force.transpose() * innovation;
-        // What an acceleration has put into f̂ fades with its lag.
+        let told = self.told + of_force.transpose() * innovation;
+        // What stuck, or was accelerated, fades from f̂ with its lag.
         let left = libm::exp(-h / lag);
-        let accelerating = seen.drive - to_torque * wrench;
-        let shaken = accelerating.zip_map(&self.shaken, |now, before| now.abs().max(before * left));
+        let passing = seen.passing(&(seen.drive - to_torque * told));
+        let passing = passing.zip_map(&self.passing, |now, before| now.max(before * left * left));
+        let learned = self.learned.after(model, seen, (&told, &force), &passing, (h, lag));
         Self {
             boot_id: sample.boot_id,
             stamp: sample.stamp,
             drive: seen.drive,
             momentum: predicted + of_momentum.transpose() * innovation,
-            estimate: Estimate { wrench, covariance: force + seen.off(&shaken) },
-            shaken,
+            told,
+            estimate: seen.estimate(&told, &force, &passing, &learned),
+            learned,
+            passing,
             // P − P S⁻¹ P = R S⁻¹ P, without a difference.
             variance: symmetric(&(seen.noise * of_momentum)),
             shared: seen.noise * of_force,

@@ -3,12 +3,14 @@
 
 use nalgebra::SVector;
 
+use super::beyond::Beyond;
 use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
 use super::drive_way::DriveWay;
 use super::every_surface::{of_set, pressing_everywhere};
 use super::full_outward::outward;
+use super::impact::impact;
 use super::late_arm::{free_of_told, pressed_late};
 use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
@@ -57,17 +59,27 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let room = if situation.belief.set().is_some() { 0.0 } else { ROOM };
         let levels = [-room * tolerance, 0.0, tolerance];
         let mut level = levels[0];
+        let impact = if demand.settles { None } else { impact(&self.settings, situation) };
+        let beyond = Beyond::of(&self.settings, situation, demand, impact);
+        if let Some(verdict) = beyond.hopeless() {
+            return Solution::Infeasible { verdict, iterations: 0 };
+        }
         // What an arm that follows late would press deeper: without a plan that leaves it free, it is
         // as if nobody had asked for that.
-        let late = if demand.settles { 0.0 } else { pressed_late(&self.settings, situation) };
+        // (In an impact that is part of what links press.)
+        let late = if demand.settles || impact.is_some() { 0.0 } else { pressed_late(&self.settings, situation) };
         let mut before = 0;
-        if late > 0.0 {
-            match self.press_within(level, late, situation, demand, expired) {
-                Solution::Planned { plan, mut verdict, iterations } => {
+        for free in beyond.left_free(late, &self.settings, situation, demand) {
+            match self.press_within(level, free, situation, demand, expired) {
+                Solution::Planned { mut verdict, iterations, .. } => {
                     verdict.count_from(level.min(0.0), &force_limit);
-                    return Solution::Planned { plan, verdict, iterations }.with(&self.plan);
+                    let verdict = beyond.judged(verdict, &self.settings, situation, &self.plan);
+                    before += iterations;
+                    if !matches!(verdict, Verdict::Infeasible { .. }) {
+                        return Solution::Planned { plan: &self.plan, verdict, iterations: before };
+                    }
                 }
-                other => before = other.iterations(),
+                other => before += other.iterations(),
             }
         }
         let mut solution = self.press_within(level, 0.0, situation, demand, expired).after(before);
@@ -89,6 +101,13 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         }
         if let Solution::Planned { verdict, .. } | Solution::Infeasible { verdict, .. } = &mut solution {
             verdict.count_from(level.min(0.0), &force_limit);
+        }
+        if let Solution::Planned { verdict, iterations, .. } = solution {
+            let verdict = beyond.judged(verdict, &self.settings, situation, &self.plan);
+            if matches!(verdict, Verdict::Infeasible { .. }) {
+                return Solution::Infeasible { verdict, iterations };
+            }
+            return Solution::Planned { plan: &self.plan, verdict, iterations };
         }
         solution.with(&self.plan)
     }

@@ -7,8 +7,8 @@ use super::model::State;
 use super::{Discretization, Settings, Situation};
 
 /// Instants looked at in the lag of the slowest joint, and how many lags.
-const INSTANTS: f64 = 16.0;
-const LAGS: usize = 5;
+pub(super) const INSTANTS: f64 = 16.0;
+pub(super) const LAGS: usize = 5;
 /// The same where the drives have to ramp up to it first: longer than any arm takes that is not told to creep.
 const RAMPED_LAGS: usize = 40;
 /// An axis without input keeps its twist within this, m/s and rad/s.

@@ -50,6 +50,7 @@
 //! assert!(shortfall > 0.0, "newtons above what is allowed");
 //! ```
 
+mod beyond;
 #[doc(hidden)]
 pub mod condensation;
 #[doc(hidden)]
@@ -65,6 +66,7 @@ mod full_outward;
 mod growing_steps;
 #[doc(hidden)]
 pub mod horizon;
+mod impact;
 mod inward_speed;
 mod joint_response;
 mod late_arm;

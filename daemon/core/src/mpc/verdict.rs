@@ -7,6 +7,14 @@ use admittance_vocabulary::{Side, VerdictName};
 use crate::mpc::condensation::MpcRows;
 use crate::mpc::qp::{Qp, certificate_gap};
 
+/// Standard deviations of f̂ that a margin has to allow for.
+pub(super) const DEVIATIONS: f64 = 3.0;
+
+/// Share of what is distributed normally above so many deviations.
+fn above(deviations: f64) -> f64 {
+    0.5 * libm::erfc(deviations * core::f64::consts::FRAC_1_SQRT_2)
+}
+
 /// The answer to "can the force bounds be met over the horizon?", given every cycle in contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
@@ -77,6 +85,27 @@ impl Verdict {
     pub(super) fn count_free<const D: usize>(&mut self, free: f64, normal: &SVector<f64, D>) {
         if let Self::Feasible { margin, axis, .. } = self {
             *margin += free * normal[*axis].abs();
+        }
+    }
+
+    /// The same where the force may be above what was predicted by something of this standard deviation,
+    /// N along the normal.
+    #[must_use]
+    pub(super) fn unsure<const D: usize>(self, deviation: f64, normal: &SVector<f64, D>) -> Self {
+        let of = |axis: usize| deviation * normal[axis].abs();
+        match self {
+            Self::Feasible { margin, axis, time } => {
+                let sure = margin - DEVIATIONS * of(axis);
+                if sure < 0.0 {
+                    Self::AtRisk { share: above(margin / of(axis)), excess: -sure, axis, time }
+                } else {
+                    Self::Feasible { margin: sure, axis, time }
+                }
+            }
+            Self::AtRisk { share, excess, axis, time } => {
+                Self::AtRisk { share, excess: excess + DEVIATIONS * of(axis), axis, time }
+            }
+            Self::Infeasible { .. } | Self::None => self,
         }
     }
 

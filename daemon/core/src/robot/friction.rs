@@ -26,16 +26,15 @@ impl JointFriction {
         self.viscous * velocity + self.dry(velocity) * velocity / libm::hypot(velocity, self.slip_velocity)
     }
 
-    /// Variance in (N m)² of that torque, of a velocity that is known but for `deviation` in rad/s. A
-    /// joint that may stick may be held by anything up to its dry friction.
+    /// Variance in (N m)² of what of that torque is no share of it, of a velocity that is known but for
+    /// `deviation` in rad/s. A joint that may stick may be held by anything up to its dry friction.
     pub fn variance(&self, velocity: f64, deviation: f64) -> f64 {
-        let told = self.tolerance * self.torque(velocity);
         let dry = self.dry(velocity);
         let speed = libm::hypot(velocity, self.slip_velocity);
         // The slope of v/√(v² + s²).
         let slope = self.slip_velocity * self.slip_velocity / (speed * speed * speed);
         let stuck = dry * (slope * deviation).min(1.0);
-        told * told + stuck * stuck + self.unknown * self.unknown
+        stuck * stuck + self.unknown * self.unknown
     }
 
     fn dry(&self, velocity: f64) -> f64 {
@@ -62,7 +61,7 @@ mod tests {
     fn a_fast_joint_is_as_sure_as_it_was_told_and_one_that_sticks_is_not() {
         let deviation = |velocity: f64| FRICTION.variance(velocity, 2e-3).sqrt();
         assert!((FRICTION.torque(1.0) - 8.0).abs() < 1e-3 && (FRICTION.torque(-1.0) + 8.0).abs() < 1e-3);
-        assert!((deviation(1.0) - 0.8f64.hypot(0.5)).abs() < 1e-3, "{}", deviation(1.0));
+        assert!((deviation(1.0) - 0.5).abs() < 1e-3, "{}", deviation(1.0));
         assert!((deviation(0.0) - 8f64.hypot(0.5)).abs() < 1e-9, "{}", deviation(0.0));
     }
 }

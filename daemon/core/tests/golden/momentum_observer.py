@@ -56,11 +56,11 @@ def friction(joint, velocity):
     return FRICTION["viscous"][joint] * velocity + dry(joint, velocity) * smooth
 
 
-def friction_variance(joint, velocity):
+def stuck_variance(joint, velocity):
     slip = FRICTION["slip_velocity"]
     slope = slip**2 / math.hypot(velocity, slip) ** 3
     stuck = dry(joint, velocity) * min(1.0, slope * VELOCITY_NOISE)
-    return (FRICTION["tolerance"] * friction(joint, velocity)) ** 2 + stuck**2 + FRICTION["unknown"] ** 2
+    return stuck**2 + FRICTION["unknown"] ** 2
 
 
 def exponential(matrix):
@@ -104,7 +104,7 @@ def seen(arm, model, data, tool, sample):
     weights = np.array([dynamics.weight_of(arm, link, q) for link in range(6)])
     rubbing = np.array([friction(joint, v[joint]) for joint in range(6)])
     to_wrench = np.linalg.inv(jacobian.T)
-    unsure = np.diag([friction_variance(joint, v[joint]) for joint in range(6)])
+    unsure = np.diag([(FRICTION["tolerance"] * friction(joint, v[joint])) ** 2 for joint in range(6)])
     unsure += MASS_TOLERANCE**2 * sum(np.outer(weight, weight) for weight in weights)
     noise = VELOCITY_NOISE**2 * mass @ mass.T
     return {
@@ -115,18 +115,20 @@ def seen(arm, model, data, tool, sample):
         "jacobian": jacobian,
         "to_wrench": to_wrench,
         "lasting": unsure,
+        "stuck": np.array([stuck_variance(joint, v[joint]) for joint in range(6)]),
     }
 
 
 def estimates(arm, model, data, tool, given):
     power = np.diag(np.array(TORQUE_NOISE) ** 2)
-    state, covariance, before, shaken, answers = None, None, None, np.zeros(6), []
+    state, covariance, before, passing, answers = None, None, None, None, []
     for sample in given:
         now = seen(arm, model, data, tool, sample)
         force_noise = now["to_wrench"] @ power @ now["to_wrench"].T
         if state is None:
             state = np.concatenate([now["momentum"], now["to_wrench"] @ now["drive"]])
             covariance = np.block([[now["noise"], np.zeros((6, 6))], [np.zeros((6, 6)), force_noise]])
+            passing = now["stuck"]
         else:
             h = now["time"] - before["time"]
             flow = np.zeros((12, 12))
@@ -148,9 +150,10 @@ def estimates(arm, model, data, tool, given):
             left = np.eye(12) - gain @ measured
             covariance = left @ covariance @ left.T + gain @ now["noise"] @ gain.T
             accelerating = np.abs(now["drive"] - now["jacobian"].T @ state[6:])
-            shaken = np.maximum(accelerating, shaken * math.exp(-h / LAG))
+            now_passing = now["stuck"] + (ACCELERATION_TOLERANCE * accelerating) ** 2
+            passing = np.maximum(now_passing, passing * math.exp(-2 * h / LAG))
         before = now
-        unsure = now["lasting"] + np.diag((ACCELERATION_TOLERANCE * shaken) ** 2)
+        unsure = now["lasting"] + np.diag(passing)
         off = now["to_wrench"] @ unsure @ now["to_wrench"].T
         answers.append(
             {"wrench": state[6:].tolist(), "deviation": np.sqrt(np.diag(covariance[6:, 6:] + off)).tolist()}

@@ -2,7 +2,8 @@
 //! touches, which need each other.
 
 use admittance_host::robot_description::{JointDescription, KindName};
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, WrenchSourceName};
+use admittance_runner::parameters::link_in_impact;
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -43,6 +44,8 @@ pub(super) struct Found {
     pub(super) saturated_samples: usize,
     pub(super) touches: Vec<FoundTouch>,
     pub(super) stiffness_n_m: Option<Estimate>,
+    /// Before gears give, where masses are told.
+    pub(super) impact_stiffness_n_m: Option<Estimate>,
     pub(super) wrench_time_constant_s: Option<Estimate>,
     pub(super) wrench_dead_time_s: Option<Estimate>,
     /// What to allow for beyond the model; absent where nothing is left to explain.
@@ -119,14 +122,24 @@ impl<'a> Case<'a> {
         let _ = told(&told::REPORT_LAG, Some(loops.report_lag_s));
         let command_delay_s = told(&told::COMMAND_DELAY, command_delay_s);
         let stiffness_n_m = told(&told::STIFFNESS, mean(|touch| touch.stiffness_n_m));
-        let wrench_time_constant_s = told(&told::WRENCH_LAG, mean(|touch| touch.time_constant_s));
-        let wrench_dead_time_s = told(&told::WRENCH_DEAD_TIME, mean(|touch| touch.dead_time_s));
+        let impacts: Vec<Estimate> = touches.iter().filter_map(|touch| touch.impact_stiffness_n_m).collect();
+        // Its upper end is what is told: a wide interval is on the safe side.
+        let impact = Estimate::mean(&impacts);
+        let impact_stiffness_n_m =
+            impact.filter(|impact| impact.half_width <= impact.value).or_else(|| told(&told::IMPACT_STIFFNESS, impact));
+        // The lag of a wrench from motor torques is what the configuration says it is.
+        let by_sensor = self.config.wrench.source == WrenchSourceName::Sample;
+        let lag = mean(|touch| touch.time_constant_s).filter(|_| by_sensor);
+        let wrench_time_constant_s = told(&told::WRENCH_LAG, lag);
+        let dead_time = mean(|touch| touch.dead_time_s).filter(|_| by_sensor);
+        let wrench_dead_time_s = told(&told::WRENCH_DEAD_TIME, dead_time);
         let mut found = Found {
             cycles: self.tracks.iter().map(Track::len).sum(),
             duration_s: self.tracks.iter().filter_map(|track| track.time_s.last()).sum(),
             command_delay_s,
             command_delay_between_s: between,
             stiffness_n_m,
+            impact_stiffness_n_m,
             wrench_time_constant_s,
             wrench_dead_time_s,
             saturated_samples: self.tracks.iter().map(|track| track.saturated).sum(),
@@ -190,7 +203,9 @@ impl<'a> Case<'a> {
             let found = longest.iter().filter_map(|of| {
                 let samples = window(of, &self.tracks[of.track].time_s);
                 let way = self.part(&ways[of.track], &samples);
-                touch(way, &pressing[of.track][samples], &normal(self.config))
+                let joints = &self.tracks[of.track].position[of.samples.start];
+                let link = link_in_impact(self.config, joints);
+                touch(way, &pressing[of.track][samples], &normal(self.config), link.as_ref())
             });
             all.found = found.collect();
             let told: Vec<&FoundTouch> = all.found.iter().filter(|touch| touch.is_told).collect();

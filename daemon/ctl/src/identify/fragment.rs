@@ -6,6 +6,7 @@ use admittance_runner::cycle;
 
 use super::estimate::Estimate;
 use super::found::Found;
+use super::text::with_interval;
 use super::told::{DAMPING, JOINT_DEAD_TIME, REPORT_LAG};
 use super::toml_text::with_key;
 use super::unknown::loaded;
@@ -197,6 +198,13 @@ fn of_wrench(found: &Found, config: &Config) -> Vec<Entry> {
     if let Some(stiffness) = &found.stiffness_n_m {
         let was = config.environment.normal_stiffness_n_m;
         entries.push(of_one("environment", "normal_stiffness_n_m", "N/m", stiffness, was));
+    }
+    if let Some(stiffness) = &found.impact_stiffness_n_m {
+        // What is too soft would make a verdict unsound.
+        let most = Estimate { value: stiffness.value + stiffness.half_width, ..*stiffness };
+        let was = config.environment.impact_stiffness_n_m.map_or_else(|| "absent".to_owned(), |was| format!("{was:?}"));
+        let remark = format!("the upper end of {}", with_interval(stiffness, 1.0, "N/m"));
+        entries.push(entry("environment", "impact_stiffness_n_m", number(&most), was, remark));
     }
     entries
 }

@@ -11,6 +11,7 @@ mod delay;
 mod estimate;
 mod found;
 mod fragment;
+mod impact;
 mod joint_fit;
 mod joint_loop;
 mod lag;
@@ -35,6 +36,7 @@ use admittance_host::config;
 use admittance_runner::config::{Config, FrameName};
 use arm::{Arm, arm};
 use found::{Case, Found};
+use ipc_types::RecordSample;
 use serde::Serialize;
 use track::{Track, tracks};
 use written::NewFile;
@@ -70,6 +72,15 @@ pub(crate) struct Args {
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// What recorded cycles tell.
+#[derive(Debug, Clone)]
+pub struct Identified {
+    /// The configuration as TOML, with what was found.
+    pub configuration: String,
+    /// What they do not tell.
+    pub unknown: Vec<String>,
 }
 
 /// What is printed as JSON.
@@ -118,6 +129,28 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
         eprintln!("page: {}", directory.join("index.html").display());
     }
     Ok(Exit::Ok)
+}
+
+/// What recordings of one arm tell, for programs: the configuration `text` of their daemon with what was
+/// found.
+///
+/// # Errors
+/// 78 for a configuration that is none, 65 without motion or with a command that cannot be played.
+pub fn configuration(text: &str, recordings: &[Vec<RecordSample>]) -> Outcome<Identified> {
+    let config: Config = config::parse(text, "the configuration").map_err(|error| (Exit::Config, error.to_string()))?;
+    let arm =
+        arm(&config.robot).ok_or_else(|| (Exit::Config, "robot: an arm that no program here knows".to_owned()))?;
+    let refused = |why: String| (Exit::DataError, why);
+    let mut tracks = Vec::new();
+    for records in recordings {
+        let records = records.iter().map(|record| Ok(Box::new(*record)));
+        tracks.extend(track::of_records(records, &config, arm.as_ref(), &refused)?);
+    }
+    let tracks = moving(Path::new("the recordings"), tracks)?;
+    let found = Case::new(&config, arm.as_ref(), tracks).found();
+    let (_, configuration) = fragment::entries(&found, &config, text);
+    let unknown = found.unknown.iter().map(|unknown| unknown.what.clone()).collect();
+    Ok(Identified { configuration, unknown })
 }
 
 /// A recording with its configuration, parsed and as it is.

@@ -45,6 +45,7 @@ pub(super) fn rows(found: &Found) -> Vec<(String, String)> {
         ("lag of the wrench", &found.wrench_time_constant_s, 1e3, "ms"),
         ("dead time of the wrench", &found.wrench_dead_time_s, 1e3, "ms"),
         ("stiffness", &found.stiffness_n_m, 1e-3, "N/mm"),
+        ("stiffness in an impact, before gears give", &found.impact_stiffness_n_m, 1e-3, "N/mm"),
     ] {
         if let Some(of) = of {
             add(name, with_interval(of, factor, unit));

@@ -1,7 +1,7 @@
 //! Which of the values that were found are worth to be told: an interval that is wide beside what the
 //! value changes tells nothing, and a value that cannot be has a cause.
 
-use admittance_runner::config::{Config, GivenInName};
+use admittance_runner::config::{Config, GivenInName, WrenchSourceName};
 use serde::Serialize;
 
 use super::estimate::Estimate;
@@ -37,6 +37,11 @@ pub(super) const WRENCH_DEAD_TIME: Quantity = in_ms("the dead time of the wrench
 pub(super) const DAMPING: Quantity = Quantity { what: "damping", narrow: 0.05, factor: 1.0, unit: "", motion: LIVELY };
 pub(super) const STIFFNESS: Quantity =
     Quantity { what: "the stiffness", narrow: 0.0, factor: 1e-3, unit: "N/mm", motion: HARD };
+pub(super) const IMPACT_STIFFNESS: Quantity = Quantity {
+    what: "the stiffness in an impact",
+    motion: "touches at 0.05 m/s and more, whose forces are ten times the noise within 20 ms",
+    ..STIFFNESS
+};
 const CENTER: Quantity = Quantity {
     what: "the centre of gravity of the tool",
     narrow: 0.01,
@@ -93,6 +98,13 @@ pub(super) fn tool(config: &Config, found: Option<&FoundTool>, unknown: &mut Vec
     let mut say = |what: &str, why: String, motion: &str| {
         unknown.push(Unknown { what: what.to_owned(), why, motion: motion.to_owned() });
     };
+    if config.wrench.source == WrenchSourceName::MotorTorque {
+        // What is left of such a wrench in free motion is what [dynamics] is off by.
+        let why = "wrench.source = \"motor_torque\": no sensor is looked at, and the tool belongs to the last link"
+            .to_owned();
+        say(what, why, "a wrench that the samples give");
+        return None;
+    }
     let Some(found) = found else {
         say(what, "too few samples of free motion have a wrench that can be used".to_owned(), "a second of it");
         return None;

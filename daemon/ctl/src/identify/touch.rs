@@ -1,11 +1,13 @@
 //! Touches: stiffness along the normal, and the lag and the dead time with which the wrench shows it.
 
+use admittance_core::belief::ImpactLink;
 use admittance_runner::config::Config;
 use nalgebra::{Vector1, Vector3};
 use plant_sim::wrench_estimate::WrenchEstimate;
 use serde::Serialize;
 
 use super::estimate::Estimate;
+use super::impact::{self, Press};
 use super::least_squares::{Fit, MOST_INFLATION, Problem, mean_square};
 use super::way::Instant;
 
@@ -46,6 +48,8 @@ pub(super) struct Touch {
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct FoundTouch {
     pub(super) stiffness_n_m: Estimate,
+    /// Before gears give, where masses are told.
+    pub(super) impact_stiffness_n_m: Option<Estimate>,
     pub(super) time_constant_s: Estimate,
     pub(super) dead_time_s: Estimate,
     /// RMS of what the fit leaves, and the largest force, N.
@@ -127,8 +131,14 @@ fn shown(way: &[Instant], depths_m: &[f64], values: &[f64; PARAMETERS]) -> Vec<f
     way.iter().filter(|at| at.sample.is_some()).map(|at| offset + delayed(at.time_s - dead_time_s)).collect()
 }
 
-/// A touch by the arm's way through it, and the forces (N) along the inward normal of the way's samples.
-pub(super) fn touch(way: &[Instant], pressing: &[f64], normal: &Vector3<f64>) -> Option<FoundTouch> {
+/// A touch by the arm's way through it, and the forces (N) along the inward normal of the way's samples; with
+/// the link that an impact meets, where masses are told.
+pub(super) fn touch(
+    way: &[Instant],
+    pressing: &[f64],
+    normal: &Vector3<f64>,
+    link: Option<&ImpactLink>,
+) -> Option<FoundTouch> {
     let depths: Vec<f64> = way.iter().map(|instant| -normal.dot(&instant.position)).collect();
     let times: Vec<(f64, f64)> =
         way.iter().zip(&depths).filter(|(at, _)| at.sample.is_some()).map(|(at, depth)| (at.time_s, *depth)).collect();
@@ -161,8 +171,11 @@ pub(super) fn touch(way: &[Instant], pressing: &[f64], normal: &Vector3<f64>) ->
     let fit = if fit.values[DEAD_TIME] < 0.0 { without_dead_time(&fit, begins_m, &residuals, &blocks) } else { fit };
     let of = |k: usize, finest: f64| Estimate::new(fit.values[k], fit.half_width[k]).doubted(finest);
     let fitted = shown(way, &depths, &fit.values);
+    let [stiffness_n_m, begins_m, lag_s, dead_time_s, _] = fit.values;
+    let press = Press { stiffness_n_m, begins_m, lag_s, dead_time_s };
     Some(FoundTouch {
         stiffness_n_m: of(0, FINEST * fit.values[0]),
+        impact_stiffness_n_m: link.and_then(|link| impact::stiffness(way, pressing, normal, link, &press)),
         time_constant_s: of(2, FINEST_S),
         dead_time_s: of(DEAD_TIME, FINEST_S),
         residual_n: mean_square(&fit.residuals).sqrt(),

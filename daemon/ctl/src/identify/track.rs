@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use admittance_runner::config::Config;
-use ipc_types::{CommandSample, MAX_PLAN, Motion, RecordKind, RecordSample, StateSample};
+use admittance_runner::config::{Config, WrenchSection, WrenchSourceName};
+use ipc_types::{CommandSample, Fault, MAX_PLAN, Motion, RecordKind, RecordSample, StateSample};
 
 use super::arm::{Arm, Axes, Joints, Placed};
 use crate::recording::{Item, Recording};
@@ -38,7 +38,7 @@ pub(super) struct Track {
     pub(super) position: Vec<Joints>,
     pub(super) velocity: Vec<Joints>,
     pub(super) twist: Vec<Axes>,
-    /// As the sample gives it; `None` where it must not be used.
+    /// As the sample gives it, or as it follows from motor torques; `None` where it must not be used.
     pub(super) wrench: Vec<Option<[f64; 6]>>,
     /// Samples whose wrench is at the end of the sensor's range.
     pub(super) saturated: usize,
@@ -55,7 +55,7 @@ impl Track {
         self.time_s.len()
     }
 
-    fn add(&mut self, record: &RecordSample, saturation: Option<&[f64; 6]>, arm: &dyn Arm) -> Result<(), String> {
+    fn add(&mut self, record: &RecordSample, wrench: &WrenchSection, arm: &dyn Arm) -> Result<(), String> {
         let state = &record.state;
         if self.time_s.is_empty() {
             (self.boot_id, self.first_ns) = (state.boot_id, state.stamp_ns);
@@ -65,12 +65,17 @@ impl Track {
         self.position.push(state.joint_position);
         self.velocity.push(state.joint_velocity);
         self.twist.push(state.twist_reference);
-        let is_usable = state.wrench_valid == 1 && state.wrench.iter().all(|value| value.is_finite());
+        let (given, is_usable) = match wrench.source {
+            WrenchSourceName::Sample => (state.wrench, state.wrench_valid == 1),
+            // What the daemon made of the torques.
+            WrenchSourceName::MotorTorque => (record.wrench, record.fault == Fault::NONE),
+        };
+        let is_usable = is_usable && given.iter().all(|value| value.is_finite());
         // The daemon does not use such a sample either.
-        let is_saturated =
-            saturation.is_some_and(|ends| state.wrench.iter().zip(ends).any(|(value, end)| value.abs() >= *end));
+        let ends = wrench.saturation.as_ref();
+        let is_saturated = ends.is_some_and(|ends| given.iter().zip(ends).any(|(value, end)| value.abs() >= *end));
         self.saturated += usize::from(is_usable && is_saturated);
-        self.wrench.push((is_usable && !is_saturated).then_some(state.wrench));
+        self.wrench.push((is_usable && !is_saturated).then_some(given));
         self.applied.push(state.applied_command_sequence);
         self.is_free.push(record.command.active_axes == 0);
         self.placed.push(arm.at(&state.joint_position));
@@ -162,11 +167,29 @@ fn follows(last: &StateSample, next: &StateSample, longest_ns: f64) -> bool {
 /// # Errors
 /// A message of it cannot be read, or a command of it cannot be played.
 pub(super) fn tracks(path: &Path, recording: &Recording, config: &Config, arm: &dyn Arm) -> Outcome<Vec<Track>> {
+    let records = recording.items().filter_map(|item| match item {
+        Ok(Item::Record(record)) => Some(Ok(record)),
+        Ok(Item::Truth(_)) => None,
+        Err(why) => Some(Err(why)),
+    });
+    of_records(records, config, arm, &|why| (Exit::DataError, format!("{}: {why}", path.display())))
+}
+
+/// The same of records; `refused` says whose they are.
+///
+/// # Errors
+/// As [`tracks`].
+pub(super) fn of_records(
+    records: impl Iterator<Item = Outcome<Box<RecordSample>>>,
+    config: &Config,
+    arm: &dyn Arm,
+    refused: &dyn Fn(String) -> (Exit, String),
+) -> Outcome<Vec<Track>> {
     let joints = config.robot.joint.len() as u32;
     let longest_ns = LONGEST_GAP_CYCLES * config.control.sampling_time_s * 1e9;
     let (mut tracks, mut track, mut last) = (Vec::new(), Track::default(), None::<StateSample>);
-    for item in recording.items() {
-        let Item::Record(record) = item? else { continue };
+    for record in records {
+        let record = record?;
         let state = record.state;
         if record.kind != RecordKind::Sample.code() || last.is_some_and(|last| is_repeated(&last, &state)) {
             continue;
@@ -179,9 +202,7 @@ pub(super) fn tracks(path: &Path, recording: &Recording, config: &Config, arm: &
         }
         last = is_usable.then_some(state);
         if is_usable {
-            track
-                .add(&record, config.wrench.saturation.as_ref(), arm)
-                .map_err(|why| (Exit::DataError, format!("{}: {why}", path.display())))?;
+            track.add(&record, &config.wrench, arm).map_err(refused)?;
         }
     }
     tracks.push(track);

@@ -9,6 +9,7 @@ mod contact_cycles;
 mod controller;
 mod draw;
 mod ocp;
+mod rigid_body;
 mod robustness;
 mod single_case;
 mod speed_figure;
@@ -67,6 +68,15 @@ enum What {
     Case(CaseArgs),
 }
 
+/// In what a verdict is studied.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum World {
+    /// Joints follow (4), whatever they press on.
+    FirstOrder,
+    /// Arms with masses, friction, gears and drives.
+    RigidBody,
+}
+
 #[derive(Debug, clap::Args)]
 struct VerdictArgs {
     /// Number of random contacts.
@@ -79,6 +89,9 @@ struct VerdictArgs {
     /// two joints: all, or some of planar-2r planar-3r scara gantry six six-on-rail seven eight, with commas.
     #[arg(long, conflicts_with_all = ["surface", "figure"])]
     arms: Option<Arms>,
+    /// The world: joints that follow (4) and springs, or arms with masses that are told what `identify` finds.
+    #[arg(long, value_enum, default_value_t = World::FirstOrder, conflicts_with_all = ["surface", "arms"])]
+    world: World,
     /// Surfaces of which so much is told: all (contact point detected), or a range of stiffness.
     #[arg(long, value_enum)]
     surface: Option<unknown::Told>,
@@ -90,8 +103,8 @@ struct VerdictArgs {
     risk: Option<f64>,
     #[command(flatten)]
     not_as_told: unknown::NotAsTold,
-    /// With --surface: one case of it, in full.
-    #[arg(long, requires = "surface")]
+    /// With --surface or --world rigid-body: one case of it, in full.
+    #[arg(long)]
     index: Option<u64>,
     #[command(flatten)]
     options: offline::Options,
@@ -134,6 +147,26 @@ fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
 
 fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
     let (options, threads) = (&args.options, args.options.threads());
+    let internal = |why| (Exit::Internal, why);
+    if args.world == World::RigidBody {
+        if options.wants_figure() {
+            return Err((Exit::Usage, "--figure: accepted without --world rigid-body".to_owned()));
+        }
+        let study = rigid_body::Study::new(args.seed);
+        if let Some(index) = args.index {
+            print!("{}", study.describe(index).map_err(internal)?);
+            return Ok(Exit::Ok);
+        }
+        let figures = study.figures(args.runs, threads).map_err(internal)?;
+        options.print(&figures, || figures.table())?;
+        return Ok(Exit::Ok);
+    }
+    if args.index.is_some() && args.surface.is_none() {
+        return Err((
+            Exit::Usage,
+            "--index: accepted with --surface or --world rigid-body; else `study case`".to_owned(),
+        ));
+    }
     if let Some(told) = args.surface {
         let VerdictArgs { noise_n, risk, not_as_told, seed, .. } = *args;
         let world = unknown::World { told, noise_n, risk, not_as_told, seed };

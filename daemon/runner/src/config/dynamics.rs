@@ -1,10 +1,14 @@
-//! `[dynamics]`: what the arm weighs and how it rubs, for a wrench from motor torques.
+//! `[dynamics]`: what the arm weighs, how it rubs and where it gives, for impacts and for a wrench from
+//! motor torques.
 
+use admittance_core::belief::{ImpactModel, SurfaceStiffness};
 use admittance_core::intake::TorqueModel;
 use admittance_core::robot::{ArmDynamics, Chain, JointFriction, LinkInertia};
 use admittance_host::config::ConfigError;
 use admittance_host::config_section;
 use nalgebra::{SVector, Vector3};
+
+use super::Config;
 
 config_section! {
     /// A joint, with the link that it moves. Friction has no default: what nobody knows is told by
@@ -21,6 +25,9 @@ config_section! {
         rotor_inertia_kg_m2: f64 = 0.0, unit "kg m^2", range 0.0..=10.0;
         /// Turns of the motor for one of the joint.
         gear_ratio: f64 = 1.0, unit "1", range 1.0..=1000.0;
+        /// Stiffness of a gear that gives, behind the rotor: in an impact the link goes on without it. A
+        /// stiff one when absent.
+        gear_stiffness_n_m_rad: Option<f64>, unit "N m/rad", range 100.0..=1e7;
         /// Friction that grows with the joint's speed.
         viscous_friction_n_m_s_rad: f64, unit "N m s/rad", range 0.0..=1e4;
         /// Dry friction of a fast joint.
@@ -40,8 +47,8 @@ config_section! {
 }
 
 config_section! {
-    /// The arm's masses and friction; gravity is wrench.gravity_m_s2. Required with wrench.source =
-    /// "motor_torque", and looked at by nothing else.
+    /// The arm's masses, friction and gears; gravity is wrench.gravity_m_s2. By masses and gears the MPC
+    /// knows what an impact presses. Required with wrench.source = "motor_torque".
     pub struct DynamicsSection {
         /// Standard deviation of each link's mass, as a share of it.
         mass_tolerance: f64 = 0.02, unit "1", range 0.0..=1.0;
@@ -54,6 +61,16 @@ config_section! {
         velocity_noise_rad_s: f64 = 0.0005, unit "rad/s", range 0.000001..=1.0;
         /// One table for each joint, base first.
         joint: Vec<JointDynamics>, length 2..=8;
+    }
+}
+
+/// A table for each joint.
+pub(super) fn check_joints(config: &Config, errors: &mut Vec<ConfigError>) {
+    let joints = config.robot.joint.len();
+    if let Some(found) = config.dynamics.as_ref().map(|dynamics| dynamics.joint.len()).filter(|found| *found != joints)
+    {
+        let accepted = format!("{joints} tables, one for each [[robot.joint]]");
+        errors.push(ConfigError::new("dynamics.joint", format!("{found} tables"), accepted));
     }
 }
 
@@ -76,6 +93,11 @@ impl JointDynamics {
         LinkInertia::of_elements(self.mass_kg, self.center_of_gravity_m, self.inertia_kg_m2)
     }
 
+    /// What the rotor weighs on the joint's side of its gear, kg m².
+    fn reflected(&self) -> f64 {
+        self.rotor_inertia_kg_m2 * self.gear_ratio * self.gear_ratio
+    }
+
     fn friction(&self, tolerance: f64) -> JointFriction {
         JointFriction {
             viscous: self.viscous_friction_n_m_s_rad,
@@ -90,12 +112,31 @@ impl JointDynamics {
 }
 
 impl DynamicsSection {
+    /// The arm as an impact with a surface of this stiffness in N/m meets it; `None` when the section has
+    /// another number of joints than N.
+    pub(crate) fn impact<const N: usize>(
+        &self,
+        chain: &Chain<N>,
+        gravity: Vector3<f64>,
+        surface_stiffness: SurfaceStiffness,
+    ) -> Option<ImpactModel<N>> {
+        let joints: &[JointDynamics; N] = self.joint.as_slice().try_into().ok()?;
+        let of = |value: fn(&JointDynamics) -> f64| SVector::from_fn(|joint, _| value(&joints[joint]));
+        let moves_along = of(|joint| if joint.gear_stiffness_n_m_rad.is_none() { joint.reflected() } else { 0.0 });
+        let links = std::array::from_fn(|joint| joints[joint].link());
+        Some(ImpactModel {
+            links: ArmDynamics::new(*chain, links, moves_along, gravity).ok()?,
+            compliance: of(|joint| joint.gear_stiffness_n_m_rad.map_or(0.0, f64::recip)),
+            surface_stiffness,
+        })
+    }
+
     /// What the observer knows of an arm of this chain; `None` when the section has another number of
     /// joints than N.
     pub(crate) fn model<const N: usize>(&self, chain: &Chain<N>, gravity: Vector3<f64>) -> Option<TorqueModel<N>> {
         let joints: &[JointDynamics; N] = self.joint.as_slice().try_into().ok()?;
         let of = |value: fn(&JointDynamics) -> f64| SVector::from_fn(|joint, _| value(&joints[joint]));
-        let reflected = of(|joint| joint.rotor_inertia_kg_m2 * joint.gear_ratio * joint.gear_ratio);
+        let reflected = of(JointDynamics::reflected);
         let links = std::array::from_fn(|joint| joints[joint].link());
         Some(TorqueModel {
             dynamics: ArmDynamics::new(*chain, links, reflected, gravity).ok()?,

@@ -29,6 +29,10 @@ config_section! {
         /// learned at touch, and the law keeps the limit for all that it may still be.
         /// normal_stiffness_n_m is what is believed before. Absent: that is the stiffness.
         stiffness_range_n_m: Option<[f64; 2]>, unit "N/m", range 100.0..=1e8;
+        /// Stiffness as an impact meets it, before gears give; looked at with [dynamics] whose gears give.
+        /// `admittancectl identify` finds it. Absent: the greatest that is told, without the part of it
+        /// that the gears have.
+        impact_stiffness_n_m: Option<f64>, unit "N/m", range 100.0..=1e8;
         /// With a range: by how much the surface may be deeper or less deep at touch, along
         /// surface_normal, than the plane through contact_point_m. With normal_tolerance_rad the tilt
         /// times the distance from that point comes on top. Absent with contact = "detected": then it

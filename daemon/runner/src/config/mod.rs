@@ -54,7 +54,7 @@ config_section! {
         control: Control;
         /// How the state sample's wrench is given.
         wrench: WrenchSection;
-        /// Masses and friction of the arm; required with wrench.source = "motor_torque".
+        /// Masses, friction and gears of the arm; required with wrench.source = "motor_torque".
         dynamics: Option<DynamicsSection>;
         /// The frame of the task.
         task: TaskSection;
@@ -164,6 +164,7 @@ fn sizes_and_laws(config: &Config, _: &str, errors: &mut Vec<ConfigError>) {
     plausibility::check_arm(config, errors);
     check_velocity_loop(config, errors);
     check_wrench_dead_time(config, errors);
+    dynamics::check_joints(config, errors);
     motor_torque::check_motor_torque(config, errors);
     task::check_task_frame(config, errors);
     redundancy::check_redundancy(config, errors);

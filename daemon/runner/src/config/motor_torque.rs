@@ -15,13 +15,8 @@ pub(super) fn check_motor_torque(config: &Config, errors: &mut Vec<ConfigError>)
     let mut wants = |key: &str, found: String, accepted: &str| {
         errors.push(ConfigError::new(key, found, format!("{accepted}, since wrench.source = \"motor_torque\"")));
     };
-    match &config.dynamics {
-        None => wants("dynamics", "absent".to_owned(), "a [dynamics] section with masses and friction of every joint"),
-        Some(dynamics) if dynamics.joint.len() != config.robot.joint.len() => {
-            let accepted = format!("{} tables, one for each [[robot.joint]]", config.robot.joint.len());
-            wants("dynamics.joint", format!("{} tables", dynamics.joint.len()), &accepted);
-        }
-        Some(_) => {}
+    if config.dynamics.is_none() {
+        wants("dynamics", "absent".to_owned(), "a [dynamics] section with masses and friction of every joint");
     }
     if config.robot.joint.iter().any(|joint| joint.kind == KindName::Prismatic) {
         wants("robot.joint.kind", "\"prismatic\"".to_owned(), "\"revolute\": friction is told for joints that turn");

@@ -1,5 +1,6 @@
 //! A surface of which only a range is told: what such a range must be.
 
+use admittance_core::belief::SurfaceStiffness;
 use admittance_host::config::{ConfigError, short};
 
 use super::{Config, ContactPointName, EnvironmentSection, LawName};
@@ -14,6 +15,14 @@ impl EnvironmentSection {
     /// by a range of length zero as well.
     pub(crate) fn unknown_stiffness(&self) -> Option<(f64, f64)> {
         self.stiffness_range_n_m.filter(|[least, most]| least < most).map(|[least, most]| (least, most))
+    }
+}
+
+impl EnvironmentSection {
+    /// What an impact is reckoned with.
+    pub(crate) fn in_impact(&self) -> SurfaceStiffness {
+        let greatest = self.stiffness_range_n_m.map_or(self.normal_stiffness_n_m, |[_, most]| most);
+        self.impact_stiffness_n_m.map_or(SurfaceStiffness::Pressed(greatest), SurfaceStiffness::InImpact)
     }
 }
 

@@ -6,7 +6,7 @@ use admittance_host::config::short;
 use nalgebra::Vector3;
 
 use super::plausibility::{MOST_FORCE_N_M, contact_distance_m, reach_m};
-use super::{Config, WrenchSourceName};
+use super::{Config, LawName, WrenchSourceName};
 use crate::task_frame::TaskFrame;
 
 /// What a solve takes on a fast machine, in s: no answer is in time below it.
@@ -22,7 +22,7 @@ impl Config {
             self.unknown_surface_without_noise(),
             self.unknown_surface_without_mpc(),
             self.lag_tolerance_without_mpc(),
-            self.dynamics_without_observer(),
+            self.dynamics_without_gears(),
             self.distance(),
             self.normal_beside_the_arm(),
             self.budget(),
@@ -31,14 +31,17 @@ impl Config {
         .concat()
     }
 
-    fn dynamics_without_observer(&self) -> Vec<String> {
-        if self.dynamics.is_none() || self.wrench.source == WrenchSourceName::MotorTorque {
+    fn dynamics_without_gears(&self) -> Vec<String> {
+        let Some(dynamics) = &self.dynamics else { return Vec::new() };
+        let gives = dynamics.joint.iter().any(|joint| joint.gear_stiffness_n_m_rad.is_some());
+        if self.wrench.source == WrenchSourceName::MotorTorque || gives && self.control.law == LawName::Mpc {
             return Vec::new();
         }
         vec![
-            "[dynamics] is not looked at: the wrench comes from the samples; give wrench.source = \"motor_torque\", or leave it \
-             out"
-            .to_owned(),
+            "[dynamics] is not looked at: the wrench comes from the samples, and no impact is reckoned with; give \
+             dynamics.joint[..].gear_stiffness_n_m_rad with control.law = \"mpc\", or wrench.source = \"motor_torque\", or leave \
+             it out"
+                .to_owned(),
         ]
     }
 

@@ -1,14 +1,15 @@
 //! The observer against golden/momentum_observer.json, which shares no code with it, and against what
 //! its model (6) says.
 
-use nalgebra::{SVector, Vector6};
+use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 use serde::Deserialize;
 
 use super::{MomentumObserver, TorqueModel, unseen};
 use crate::common::golden_arm::GoldenArm;
 use crate::intake::{Conditioning, Event, Intake, Sample, SampleFault, Settings, Timing, WrenchSource};
 use crate::quantities::{GivenWrench, Instant, Span};
-use crate::robot::{Chain, JointFriction, Posture, TaskAxes};
+use crate::robot::{Chain, JointFriction, Pose, Posture, TaskAxes};
+use crate::surface::Surface;
 
 /// Relative to the largest entry of an answer.
 const AGREEMENT: f64 = 1e-8;
@@ -106,8 +107,16 @@ impl Golden {
             joint_speed: None,
             source: WrenchSource::MotorTorque(self.model()),
             largest_deviation: Vector6::repeat(f64::INFINITY),
+            // Far above the arm: the tool is never clear of it, and nothing is learned.
+            surface: floor(100.0),
         }
     }
+}
+
+/// A level surface at a height in m.
+fn floor(height: f64) -> Surface<6> {
+    let contact = Pose { position: Vector3::new(0.0, 0.0, height), rotation: Matrix3::identity() };
+    Surface::plane(1e5, &Vector3::z(), contact)
 }
 
 fn sample(time: f64, q: [f64; 6], velocity: [f64; 6], torque: SVector<f64, 6>) -> Sample<6, 6> {

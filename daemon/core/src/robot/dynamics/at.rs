@@ -6,6 +6,7 @@ use super::inertia::LinkInertia;
 use super::spatial::{Force, Motion, Placement, SpatialInertia};
 use crate::robot::chain::Moved;
 use crate::robot::{Chain, JointKind};
+use crate::turn::Turn;
 
 /// A chain of N joints with masses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,6 +86,12 @@ impl<const N: usize> ArmDynamics<N> {
             return Err(DynamicsError::Gravity);
         }
         Ok(Self { chain, links: links.map(|link| link.spatial()), reflected, gravity })
+    }
+
+    /// The same arm in the base frame that a turn leads to.
+    #[must_use]
+    pub(crate) fn seen_from(&self, turn: &Turn) -> Self {
+        Self { chain: self.chain.seen_from(turn), gravity: turn.vector(&self.gravity), ..*self }
     }
 
     /// At the joint position q in rad or m.

@@ -1,0 +1,115 @@
+//! What a force may be above that of the model, and what is left free below the limit for it: links that
+//! swing in an impact, and an f̂ that is off.
+
+use super::every_surface::nearest_limit;
+use super::impact::Impact;
+use super::verdict::DEVIATIONS;
+use super::{Demand, Settings, Situation, Verdict};
+use crate::belief::Peak;
+use crate::output::Plan;
+use admittance_vocabulary::Side;
+
+/// A limit that is lowered for f̂ stays this part above the force that is to be kept.
+const ABOVE_KEPT: f64 = 1.1;
+
+/// Along the normal, N.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Beyond {
+    impact: Option<Impact>,
+    /// What an impact presses with already.
+    pressed: Peak,
+    /// Standard deviation of f̂.
+    deviation: f64,
+    /// The limit that comes first, its axis, and the part of the normal that this is.
+    limit: f64,
+    axis: usize,
+    part: f64,
+    /// By how much it may be exceeded before that counts.
+    tolerance: f64,
+}
+
+impl Beyond {
+    pub(super) fn of<const N: usize, const D: usize>(
+        settings: &Settings<N, D>,
+        situation: &Situation<'_, N, D>,
+        demand: &Demand<D>,
+        impact: Option<Impact>,
+    ) -> Self {
+        let (covariance, normal) = (&situation.sample.wrench_covariance, &situation.belief.surface().normal);
+        // Once the force settles the swing is over, which nothing here damps.
+        let swing = situation.belief.swing().filter(|_| !demand.settles);
+        let (axis, limit) = nearest_limit(settings, situation, &demand.signs).unwrap_or((0, f64::INFINITY));
+        Self {
+            impact: impact.filter(|_| limit.is_finite()),
+            pressed: Peak { force: swing.map_or(0.0, |swing| swing.force()), time: 0.0 },
+            deviation: libm::sqrt(normal.dot(&(covariance * normal)).max(0.0)),
+            limit,
+            axis,
+            part: normal[axis].abs(),
+            tolerance: limit * settings.options.limit_tolerance,
+        }
+    }
+
+    /// The verdict on an impact that is above the limit already, or is going to be however fast the arm leaves.
+    pub(super) fn hopeless(&self) -> Option<Verdict> {
+        self.broken_by(&self.pressed).or_else(|| self.broken_by(&self.impact?.least))
+    }
+
+    fn broken_by(&self, peak: &Peak) -> Option<Verdict> {
+        let (axis, time, shortfall) = (self.axis, peak.time, (peak.force - self.limit) * self.part);
+        (peak.force > self.limit + self.tolerance).then_some(Verdict::Infeasible {
+            axis,
+            side: Side::Upper,
+            time,
+            shortfall,
+        })
+    }
+
+    /// What plans leave free below the limit, N, one tried after the other: with `late` for an arm that
+    /// follows late. For what f̂ may be off by no force is given up that is to be kept: the verdict says what
+    /// that leaves. The last of an impact leaves as fast as it can.
+    pub(super) fn left_free<const N: usize, const D: usize>(
+        &self,
+        late: f64,
+        settings: &Settings<N, D>,
+        situation: &Situation<'_, N, D>,
+        demand: &Demand<D>,
+    ) -> impl Iterator<Item = f64> + use<N, D> {
+        let unsure = if self.deviation > 0.0 {
+            let normal = &situation.belief.surface().normal;
+            let wanted = (0..D).filter(|&axis| demand.signs[axis] != 0.0 && situation.belief.asks_for_force(axis));
+            let least = |axis: usize| settings.options.minimum_force[axis] / normal[axis].abs();
+            let kept = wanted.map(least).fold(settings.options.normal_force_reference, f64::max);
+            (DEVIATIONS * self.deviation).min((self.limit - ABOVE_KEPT * kept).max(0.0))
+        } else {
+            0.0
+        };
+        let first = late + unsure + self.impact.map_or(0.0, |impact| impact.beyond);
+        let fastest = self.impact.map(|_| self.limit);
+        [Some(first).filter(|free| *free > 0.0), fastest].into_iter().flatten()
+    }
+
+    /// The verdict on a plan that knows of it.
+    pub(super) fn judged<const N: usize, const D: usize>(
+        &self,
+        verdict: Verdict,
+        settings: &Settings<N, D>,
+        situation: &Situation<'_, N, D>,
+        plan: &Plan<D>,
+    ) -> Verdict {
+        let mut verdict = verdict;
+        if let Some(impact) = &self.impact {
+            let peak = impact.peak_under(settings, situation, plan);
+            if let Some(broken) = self.broken_by(&peak) {
+                return broken;
+            }
+            let left = (self.limit - peak.force) * self.part;
+            if let Verdict::Feasible { margin, .. } = verdict
+                && left < margin
+            {
+                verdict = Verdict::Feasible { margin: left.max(0.0), axis: self.axis, time: peak.time };
+            }
+        }
+        if self.deviation > 0.0 { verdict.unsure(self.deviation, &situation.belief.surface().normal) } else { verdict }
+    }
+}
