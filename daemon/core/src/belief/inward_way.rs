@@ -101,7 +101,7 @@ impl<const N: usize, const D: usize> WayObserver<N, D> {
                 // The cubic with these depths and rates at both ends.
                 let (rate, end_rate) = (lever.dot(&velocity), lever.dot(&end_velocity));
                 let middle = 0.5 * (depth + end) + 0.125 * duration * (rate - end_rate);
-                way.push(Piece { duration, depth: [depth, middle, end] })?;
+                way.push(Piece { duration, depth: [depth, middle, end] });
                 (velocity, acceleration, depth) = (end_velocity, end_acceleration, end);
             }
         }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-/// Most pieces of a way.
+/// Most pieces of a way; an even number.
 pub(crate) const MAX_PIECES: usize = 40;
 /// α below which the weights are a series.
 const SHORT: f64 = 0.02;
@@ -31,12 +31,17 @@ impl Way {
         Self { pieces: [Piece { duration: 0.0, depth: [0.0; 3] }; MAX_PIECES], len: 0, beside: Vector3::zeros() }
     }
 
-    /// One more piece; `None` when there is no room.
-    #[must_use]
-    pub(crate) fn push(&mut self, piece: Piece) -> Option<()> {
-        *self.pieces.get_mut(self.len)? = piece;
+    /// One more piece. Where there is no room two neighbours become one each: many inputs that reach
+    /// the joints at different times, or many that were missed, are followed in less detail.
+    pub(crate) fn push(&mut self, piece: Piece) {
+        if self.len == MAX_PIECES {
+            self.len /= 2;
+            for index in 0..self.len {
+                self.pieces[index] = self.pieces[2 * index].and(&self.pieces[2 * index + 1]);
+            }
+        }
+        self.pieces[self.len] = piece;
         self.len += 1;
-        Some(())
     }
 
     /// The pieces, in order.
@@ -63,9 +68,7 @@ impl Way {
     pub(crate) fn depth_at(&self, time: f64) -> f64 {
         let (mut begun, mut depth) = (0.0, 0.0);
         for piece in self.pieces() {
-            let x = ((time - begun) / piece.duration).min(1.0);
-            let [start, middle, end] = piece.depth;
-            depth = start + x * (4.0 * middle - 3.0 * start - end + 2.0 * x * (start - 2.0 * middle + end));
+            depth = piece.depth_at(time - begun);
             begun += piece.duration;
             if time < begun {
                 break;
@@ -97,6 +100,21 @@ impl Way {
 }
 
 impl Piece {
+    /// Depth in m so many seconds after its start, or at its end.
+    fn depth_at(&self, time: f64) -> f64 {
+        let x = (time / self.duration).min(1.0);
+        let [start, middle, end] = self.depth;
+        start + x * (4.0 * middle - 3.0 * start - end + 2.0 * x * (start - 2.0 * middle + end))
+    }
+
+    /// Itself and the `next` one as one.
+    fn and(&self, next: &Self) -> Self {
+        let duration = self.duration + next.duration;
+        let half = 0.5 * duration;
+        let middle = if half <= self.duration { self.depth_at(half) } else { next.depth_at(half - self.duration) };
+        Self { duration, depth: [self.depth[0], middle, next.depth[2]] }
+    }
+
     /// What a lag of `lag` s keeps of its value, and the weights of the three depths in the
     /// value at the end: exact for a parabola.
     pub(crate) fn weights(&self, lag: f64) -> (f64, [f64; 3]) {
@@ -152,8 +170,8 @@ mod tests {
     fn the_deepest_point_is_between_two_samples() {
         let mut way = Way::new();
         assert_eq!(way.deepest(), f64::NEG_INFINITY);
-        way.push(Piece { duration: 0.001, depth: [1e-3, 3e-3, 2e-3] }).unwrap();
-        way.push(Piece { duration: 0.001, depth: [2e-3, 1e-3, 1e-3] }).unwrap();
+        way.push(Piece { duration: 0.001, depth: [1e-3, 3e-3, 2e-3] });
+        way.push(Piece { duration: 0.001, depth: [2e-3, 1e-3, 1e-3] });
         assert_eq!(way.deepest(), 3e-3);
     }
 
@@ -164,7 +182,7 @@ mod tests {
         let (mut way, mut begun) = (Way::new(), 0.0);
         for duration in [0.001, 0.0005, 0.0025] {
             let depth = [0.0, 0.5, 1.0].map(|part| x(begun + part * duration));
-            way.push(Piece { duration, depth }).unwrap();
+            way.push(Piece { duration, depth });
             begun += duration;
         }
         for step in 0..=40 {
@@ -174,12 +192,31 @@ mod tests {
     }
 
     #[test]
+    fn a_way_of_any_number_of_pieces_is_one() {
+        // Of a parabola nothing is lost, whatever the pieces.
+        let x = |t: f64| 0.01 + t * (0.3 - 20.0 * t);
+        for count in [MAX_PIECES, MAX_PIECES + 1, 3 * MAX_PIECES, 500] {
+            let (mut way, mut begun) = (Way::new(), 0.0);
+            for index in 0..count {
+                let duration = if index % 3 == 0 { 2e-5 } else { 1.1e-5 };
+                way.push(Piece { duration, depth: [0.0, 0.5, 1.0].map(|part| x(begun + part * duration)) });
+                begun += duration;
+            }
+            assert!((way.duration() - begun).abs() < 1e-12 && (way.end() - x(begun)).abs() < 1e-12, "{count}");
+            for step in 0..=40 {
+                let time = begun * f64::from(step) / 40.0;
+                assert!((way.depth_at(time) - x(time)).abs() < 1e-12, "{count} pieces, {time} s");
+            }
+        }
+    }
+
+    #[test]
     fn a_bent_way_ends_as_it_was_measured() {
         let mut way = Way::new();
         // 0.1 m/s for 4 ms, in 4 pieces.
         for piece in 0..4 {
             let at = |part: f64| 1e-4 * (f64::from(piece) + part);
-            way.push(Piece { duration: 0.001, depth: [at(0.0), at(0.5), at(1.0)] }).unwrap();
+            way.push(Piece { duration: 0.001, depth: [at(0.0), at(0.5), at(1.0)] });
         }
         way.bend(4.1e-4, 0.1, 0.16);
         let pieces = way.pieces();

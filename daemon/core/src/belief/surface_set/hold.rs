@@ -62,6 +62,8 @@ pub(super) struct Hold {
     state: SVector<f64, STATES>,
     covariance: SMatrix<f64, STATES, STATES>,
     innovation: f64,
+    /// By how much f̂ of the last sample was another one than expected, N, and the variance of that, N².
+    error: (f64, f64),
     /// What f̂ was expected to show of the last sample, N.
     expected: f64,
     /// Time without a force of the likeliest surface, s.
@@ -120,6 +122,7 @@ impl Hold {
             state,
             covariance,
             innovation: 1.0,
+            error: (0.0, 1.0),
             expected: mean[M],
             away: 0.0,
         }
@@ -242,6 +245,7 @@ impl Hold {
         self.state += gain * error;
         self.covariance -= gain * row;
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
+        self.error = (error, variance);
         self.innovation += (error * error / variance - self.innovation) / SMOOTHED;
         if self.innovation > SUDDEN {
             let k = self.state[K];
@@ -256,7 +260,7 @@ impl Hold {
     }
 
     /// At the edge of the range the state moves along what is not known.
-    fn keep(&mut self, range: &Range) {
+    pub(super) fn keep(&mut self, range: &Range) {
         let k = self.state[K];
         let missing = k.clamp(range.least, range.most) - k;
         if missing != 0.0 && self.covariance[(K, K)] > 0.0 {
@@ -299,6 +303,17 @@ impl Hold {
     /// Standard deviation of the stiffness, N/m.
     pub(super) fn stiffness_deviation(&self) -> f64 {
         libm::sqrt(self.covariance[(K, K)].max(0.0))
+    }
+
+    /// −2 times the logarithm of the likelihood of the last sample.
+    pub(super) fn surprise(&self) -> f64 {
+        let (error, variance) = self.error;
+        error * error / variance + libm::log(variance)
+    }
+
+    /// By how much the errors are larger than was told, as a factor of variances.
+    pub(super) fn scale(&self) -> f64 {
+        self.innovation.max(1.0)
     }
 
     /// What f̂ was expected to show of the last sample, N.

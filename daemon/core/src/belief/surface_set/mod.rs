@@ -8,7 +8,7 @@
 //! | stage | what is known | file |
 //! |---|---|---|
 //! | touch | cells between contact depths on the way just travelled, each a least squares | `touch`, `bank`, `cell` |
-//! | hold | a Kalman filter over (m, k, θ = k c, slope, bend) | `hold`, `tilt` |
+//! | hold | a Kalman filter over (m, k, θ = k c, slope, bend); at the end of the range a second one | `hold`, `tilt`, `harder` |
 //!
 //! Touch goes over to hold once it is certain, and where the normal is told not before 20 ms and a lag of f̂ after it
 //! was noticed; contact lost for 8 ms leads back, with what is known of k, for one second.
@@ -19,6 +19,7 @@
 
 mod bank;
 mod cell;
+mod harder;
 mod hold;
 mod normal;
 mod tilt;
@@ -30,6 +31,7 @@ use nalgebra::Vector3;
 
 use super::way::Way;
 use cell::Range;
+use harder::Harder;
 use hold::Hold;
 use tilt::Tilt;
 use touch::Touch;
@@ -100,6 +102,8 @@ pub(crate) struct SurfaceSet {
     /// Between which depths the surface is told to begin, m.
     told_depths: (f64, f64),
     stage: Stage,
+    /// Beside a hold.
+    harder: Option<Harder>,
     tilt: Tilt,
     /// How long what is known of a lost contact's stiffness still holds, s.
     remembered: f64,
@@ -143,6 +147,7 @@ impl SurfaceSet {
             told,
             told_depths: depths,
             stage: Stage::Touch(Touch::new()),
+            harder: None,
             tilt: Tilt::none(),
             remembered: 0.0,
             is_outside: false,
@@ -168,7 +173,7 @@ impl SurfaceSet {
 
     /// Forgets the surface, but for what was told.
     pub(crate) fn forget(&mut self) {
-        self.stage = Stage::Touch(Touch::new());
+        (self.stage, self.harder) = (Stage::Touch(Touch::new()), None);
         (self.tuning.range, self.remembered, self.fading) = (self.told, 0.0, 0.0);
         (self.is_outside, self.deepest) = (false, f64::NEG_INFINITY);
         self.tuning.depths = self.told_depths;
@@ -222,7 +227,16 @@ impl SurfaceSet {
                 if self.tuning.learns_normal() {
                     self.tilt.path += hold.turn(&way.beside, &self.tuning);
                 }
-                hold.follow(way, (force, beside), weight, (&self.tuning, &self.tilt));
+                let told = (&self.tuning, &self.tilt);
+                hold.follow(way, (force, beside), weight, told);
+                // A stiffness that is remembered ends nearer than what is told.
+                if self.remembered == 0.0 && !self.is_outside {
+                    self.harder = Harder::follow(self.harder, hold, way, (force, beside), weight, told);
+                    if let Some(found) = self.harder.as_ref().and_then(Harder::found) {
+                        (*hold, self.harder, self.is_outside) = (found, None, true);
+                        self.tuning.range.most = self.told.most * touch::HARDEST;
+                    }
+                }
             }
         }
         self.change_stage();
@@ -254,6 +268,7 @@ impl SurfaceSet {
                 };
                 (self.tuning.range, self.remembered) = (range, REMEMBERED);
                 (self.fading, self.stage) = (self.fading + shown, Stage::Touch(Touch::new()));
+                self.harder = None;
             }
             Stage::Hold(_) => {}
         }
@@ -310,6 +325,9 @@ impl SurfaceSet {
     pub(crate) fn shift(&mut self, shift: f64) {
         if let Stage::Hold(hold) = &mut self.stage {
             hold.shift(shift);
+        }
+        if let Some(harder) = &mut self.harder {
+            harder.shift(shift);
         }
         self.deepest += shift;
         self.unexplained.depth += shift;

@@ -58,7 +58,7 @@ impl Slide<'_> {
             let along = |position: &Vector3<f64>| -normal.dot(position);
             let mut way = Way::new();
             let depths = [along(&from), 0.5 * (along(&from) + along(&seen)), along(&seen)];
-            way.push(Piece { duration: CYCLE, depth: depths }).unwrap();
+            way.push(Piece { duration: CYCLE, depth: depths });
             let moved = seen - from;
             way.beside = moved - normal * normal.dot(&moved);
             let pressing = -normal.dot(&wrench);

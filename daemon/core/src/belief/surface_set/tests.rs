@@ -40,7 +40,7 @@ impl World {
         for half in 0..2 {
             let start = time - CYCLE + 0.5 * CYCLE * f64::from(half);
             let depth = [0.0, 0.25, 0.5].map(|part| self.depth(start + part * CYCLE));
-            way.push(Piece { duration: 0.5 * CYCLE, depth }).unwrap();
+            way.push(Piece { duration: 0.5 * CYCLE, depth });
         }
         way
     }
@@ -172,7 +172,7 @@ fn held(creep: f64) -> (SurfaceSet, f64) {
         let mut way = Way::new();
         for half in 0..2 {
             let at = |part: f64| rest(start + CYCLE * (0.5 * f64::from(half) + part));
-            way.push(Piece { duration: 0.5 * CYCLE, depth: [at(0.0), at(0.25), at(0.5)] }).unwrap();
+            way.push(Piece { duration: 0.5 * CYCLE, depth: [at(0.0), at(0.25), at(0.5)] });
         }
         for part in 0..64 {
             let left = libm::exp(-CYCLE / 64.0 / LAG);
@@ -215,5 +215,72 @@ fn a_surface_that_is_harder_than_told_is_found_out() {
             found |= set.is_outside();
         }
         assert_eq!(found, is_outside, "{stiffness}");
+    }
+}
+
+/// A surface of 1e5 N/m that is held and then moved on over one of `behind` N/m, within a depth that goes up and down:
+/// whether it is found to be harder than the range, which ends at 5e5 N/m.
+fn becomes(behind: f64, noise: f64) -> SurfaceSet {
+    let mut world = World { stiffness: 1e5, begins: 0.0123, speed: 0.1, noise, seed: 23 };
+    let mut set = set(noise);
+    // 20 N and some 8 N up and down, whatever the stiffness.
+    let depth = |time: f64, stiffness: f64| {
+        0.0123 + (20.0 + 8.0 * libm::sin(60.0 * time)) / stiffness * libm::tanh((time + 0.001).max(-0.03) / 0.008)
+    };
+    let mut value = 0.0;
+    for cycle in -30..600 {
+        let start = CYCLE * f64::from(cycle);
+        if cycle == 200 {
+            world.stiffness = behind;
+        }
+        let stiffness = world.stiffness;
+        let mut way = Way::new();
+        for half in 0..2 {
+            let at = |part: f64| depth(start + CYCLE * (0.5 * f64::from(half) + part), stiffness);
+            way.push(Piece { duration: 0.5 * CYCLE, depth: [at(0.0), at(0.25), at(0.5)] });
+        }
+        for part in 0..64 {
+            let left = libm::exp(-CYCLE / 64.0 / LAG);
+            let pressed = (depth(start + CYCLE * (f64::from(part) + 0.5) / 64.0, stiffness) - world.begins).max(0.0);
+            value = left * value + (1.0 - left) * stiffness * pressed;
+        }
+        let force = value + world.error();
+        set.follow(Some(&way), depth(start + CYCLE, stiffness), (force, &Vector3::zeros()), force > 5.0);
+    }
+    set
+}
+
+#[test]
+fn a_surface_that_becomes_harder_than_told_is_found_out_while_it_is_pressed() {
+    for noise in [0.0, 0.5] {
+        for (behind, is_outside) in [(3e6, true), (1e6, true), (4.9e5, false), (3e5, false), (2e4, false)] {
+            let set = becomes(behind, noise);
+            let found = set.likeliest().unwrap();
+            assert_eq!(set.is_outside(), is_outside, "{behind} N/m, {noise} N of noise: {found:?}");
+            // Some micrometres up and down tell that it is harder, not by how much.
+            assert_eq!(found.stiffness > 5e5, is_outside, "{behind} N/m: {found:?}");
+        }
+    }
+}
+
+/// Told to begin within 1 mm, and 4 mm off to both sides.
+#[test]
+fn a_surface_that_begins_elsewhere_than_told_is_found() {
+    for (begins, stiffness, noise) in [(0.0083, 4e5, 0.5), (0.0163, 4e5, 0.5), (0.0083, 3e4, 0.0), (0.0163, 3e4, 0.0)] {
+        let mut world = World { stiffness, begins, speed: 0.1, noise, seed: 5 };
+        let prior = Prior { stiffness: (1e4, 5e5), depth_tolerance: Some(1e-3), normal_tolerance: 0.0, risk: 0.99 };
+        let mut set = SurfaceSet::new(&prior, LAG, noise, 5.0, 0.0123);
+        let exact = shown(&world, begins, -60, 80);
+        for cycle in -60..20 {
+            let time = CYCLE * f64::from(cycle + 1);
+            let force = stiffness * exact[(cycle + 60) as usize] + world.error();
+            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros()), force > 5.0);
+        }
+        let found = set.likeliest().expect("noticed");
+        let off = (found.depth - begins).abs();
+        assert!(
+            (found.stiffness / stiffness - 1.0).abs() < 0.2 && off < 5e-5,
+            "{begins} m, {stiffness} N/m: {found:?}"
+        );
     }
 }

@@ -20,7 +20,7 @@ const COARSE_SPACING: f64 = 0.002;
 const COARSE_PART: f64 = 2.0 / COARSE as f64;
 const FINE_PART: f64 = COARSE_PART / 8.0;
 /// A likelihood ratio: by how much a surface must explain the samples better than none.
-const EVIDENCE: f64 = 25.0;
+pub(super) const EVIDENCE: f64 = 25.0;
 /// The same where an axis is in contact.
 const EVIDENCE_IN_CONTACT: f64 = 4.0;
 /// With less than this nothing was touched after all.
@@ -35,7 +35,19 @@ pub(super) const HARDEST: f64 = 100.0;
 /// Part by which a surface is harder than the hardest that must explain the samples better for it to be
 /// out of range: one that is clearly nearer to this than to the hardest. A fit is no better than T_est is
 /// told, and by a second touch, while f̂ still shows the first, worse: 12 % too hard where T_est was 11 % off.
-const OUTSIDE: f64 = 1.25;
+pub(super) const OUTSIDE: f64 = 1.25;
+
+/// Depths of a contact point that is not told, m.
+const ANYWHERE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+
+/// Where a surface begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Begins {
+    /// Between these depths, as it is told, m.
+    Between((f64, f64)),
+    /// Not there: anywhere.
+    Elsewhere,
+}
 
 /// The best surface of each cell, as the last sample left them.
 #[derive(Debug, Clone, Copy)]
@@ -65,6 +77,7 @@ pub(super) struct Touch {
     away: f64,
     /// Whether the best surface is harder than any that was told.
     is_outside: bool,
+    begins: Begins,
     /// The best surface, with the lag of f̂ and without.
     best: Option<Found>,
 }
@@ -100,6 +113,7 @@ impl Touch {
             noticed: None,
             away: 0.0,
             is_outside: false,
+            begins: Begins::Between(ANYWHERE),
             best: None,
         }
     }
@@ -151,6 +165,12 @@ impl Touch {
             self.best = None;
             return;
         }
+        if let Begins::Between(depths) = &mut self.begins {
+            *depths = tuning.depths;
+            if self.begins_elsewhere(in_contact, tuning) {
+                self.begins = Begins::Elsewhere;
+            }
+        }
         self.best = self.search(&tuning.range);
         let Some(best) = self.best else { return };
         match &mut self.noticed {
@@ -175,6 +195,21 @@ impl Touch {
             && self.harder(tuning).is_some_and(|cost| best.cost - cost > EVIDENCE * self.scale(cost));
     }
 
+    /// Whether the samples say so clearly that the surface begins out of the tolerance of its contact
+    /// point: a tolerance that is too narrow would leave no surface, or a wrong one.
+    fn begins_elsewhere(&self, in_contact: bool, tuning: &Tuning) -> bool {
+        if tuning.depths == ANYWHERE {
+            return false;
+        }
+        // One that begins where it is told and is harder than told is another matter.
+        let any = Range { most: tuning.range.most * HARDEST, ..tuning.range };
+        let within = self.search(&any).map_or(0.0, |found| found.cost.min(0.0));
+        best_of(self.candidates_between(ANYWHERE, &tuning.range)).is_some_and(|found| {
+            let is_noticed = -found.cost > if in_contact { EVIDENCE_IN_CONTACT } else { EVIDENCE };
+            is_noticed && within - found.cost > EVIDENCE * self.scale(found.cost)
+        })
+    }
+
     /// The cost of the best surface that is harder than any that was told.
     fn harder(&self, tuning: &Tuning) -> Option<f64> {
         let most = tuning.range.most;
@@ -185,15 +220,9 @@ impl Touch {
     fn place(&mut self, depth: f64, tuning: &Tuning) {
         self.fine.drop_below(depth);
         self.coarse.drop_below(depth);
-        let (first, last) = tuning.depths;
-        if depth < first {
-            // The first cell begins at the last node before the tolerance, the last one ends at the
-            // first node beyond it.
-            (self.fine, self.coarse) = (Bank::empty(), Bank::empty());
+        if depth < tuning.depths.0 {
+            // The first cell of those that are told begins at the last node before them.
             (self.since_fine, self.since_coarse) = (FINE_SPACING, COARSE_SPACING);
-        }
-        if self.fine.last() > last {
-            return;
         }
         if self.since_coarse >= COARSE_SPACING * 0.999 && depth - self.coarse.last() >= tuning.felt_after * COARSE_PART
         {
@@ -206,20 +235,27 @@ impl Touch {
         }
     }
 
-    /// Every cell: the coarse ones only where the fine ones don't reach.
+    /// Every cell in which the surface may begin.
     fn candidates(&self, range: &Range) -> impl Iterator<Item = Candidate> {
+        let depths = match self.begins {
+            Begins::Between(depths) => depths,
+            Begins::Elsewhere => ANYWHERE,
+        };
+        self.candidates_between(depths, range)
+    }
+
+    /// Every cell with a depth between these, m: the coarse ones only where the fine ones don't reach.
+    fn candidates_between(&self, (least, most): (f64, f64), range: &Range) -> impl Iterator<Item = Candidate> {
         let fine = (0..self.fine.cells()).map(|j| self.fine.cell(j));
         let first = self.fine.first();
         let coarse =
             (0..self.coarse.cells()).map(|j| self.coarse.cell(j)).filter(move |(cell, _)| cell.depth[0] < first);
-        fine.chain(coarse).map(|(cell, response)| Candidate { cell, response, best: cell.best(range) })
+        let cells = fine.chain(coarse).filter(move |(cell, _)| cell.depth[1] >= least && cell.depth[0] <= most);
+        cells.map(|(cell, response)| Candidate { cell, response, best: cell.best(range) })
     }
 
     fn search(&self, range: &Range) -> Option<Found> {
-        let best = self.candidates(range).min_by(|a, b| a.best.cost.total_cmp(&b.best.cost))?;
-        let Candidate { cell, response, best } = best;
-        let [a, b] = best.weights;
-        Some(Found { cost: best.cost, spring: cell.spring(best.weights), shown: a * response[0] + b * response[1] })
+        best_of(self.candidates(range))
     }
 
     /// The way along the surface since the tool was at this depth, m.
@@ -305,4 +341,11 @@ impl Touch {
         }
         if all > 0.0 { above / all } else { 1.0 }
     }
+}
+
+fn best_of(candidates: impl Iterator<Item = Candidate>) -> Option<Found> {
+    let best = candidates.min_by(|a, b| a.best.cost.total_cmp(&b.best.cost))?;
+    let Candidate { cell, response, best } = best;
+    let [a, b] = best.weights;
+    Some(Found { cost: best.cost, spring: cell.spring(best.weights), shown: a * response[0] + b * response[1] })
 }
