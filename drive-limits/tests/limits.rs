@@ -13,6 +13,7 @@ fn worst(limits: &DriveLimits<3>, stream: &[[f64; 3]], since: f64) -> [f64; 3] {
             let jerk = (change[joint] - change_before[joint]) / since;
             let parts =
                 [speed / limits.speed[joint], change[joint] / limits.acceleration[joint], jerk / limits.jerk[joint]];
+            assert!(parts.iter().all(|part| part.is_finite()), "{parts:?}");
             worst.iter_mut().zip(parts).for_each(|(worst, part)| *worst = worst.max(part.abs()));
         }
         change_before = change;

@@ -50,6 +50,12 @@ pub(crate) fn run(
             format!("--egm {edge}: the scenario has [twist]; accepted: none, since the edge's file says who leads it");
         return Err((ExitCode::Config, why));
     }
+    if scenario.drives.is_some() {
+        let why = format!(
+            "--egm {edge}: the scenario has [drives]; accepted: none, since joints that are told speeds over EGM jump"
+        );
+        return Err((ExitCode::Config, why));
+    }
     let unavailable = |why: String| (ExitCode::Unavailable, why);
     let node = settings.node("plant-sim").map_err(|error| unavailable(error.to_string()))?;
     let truths = services::truth(&node, &settings.instance, Access::OpenOrCreate)

@@ -65,6 +65,7 @@ pub fn judge<'a>(references: impl IntoIterator<Item = &'a [f64]>, interval_s: f6
     };
     for (at, reference) in references.into_iter().enumerate() {
         for joint in 0..joints {
+            assert!(reference[joint].is_finite(), "reference {at} of joint {joint}: {}", reference[joint]);
             let change = (reference[joint] - before[joint]) / interval_s;
             let jerk = (change - change_before[joint]) / interval_s;
             raise(&mut worst.speed, reference[joint].abs() / limits.speed[joint], at);

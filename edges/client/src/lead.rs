@@ -6,6 +6,8 @@ use ipc_types::{TASK_AXES, TwistFrame, TwistSample};
 /// Axes of the tool's frame in the base frame, as columns.
 pub type Rotation = [[f64; 3]; 3];
 
+/// The largest value of a twist that is looked at, m/s and rad/s: what is beyond it is no speed, and squared or turned no number.
+const LARGEST: f64 = 1e3;
 /// By so much a sample may be stamped ahead of the time at which it is looked at, ns.
 const AHEAD_NS: u64 = 1_000_000;
 /// The longest time in ns that a change of the twist is spread over from one look to the next: who looks less often than this
@@ -31,8 +33,8 @@ pub struct LeadLimits {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum LeadRefusal {
     /// It leads nowhere.
-    #[error("twist[{axis}] = {value} of sample {sequence}: accepted: a finite number")]
-    NotFinite {
+    #[error("twist[{axis}] = {value} of sample {sequence}: accepted: -{LARGEST} to {LARGEST}")]
+    Value {
         /// The axis, 0 to 5.
         axis: usize,
         /// Its value.
@@ -116,8 +118,9 @@ impl Lead {
     /// [`LeadRefusal`]: it is as if it had not come.
     pub fn take(&mut self, sample: &TwistSample, now_ns: u64) -> Result<(), LeadRefusal> {
         let TwistSample { sequence, stamp_ns, boot_id, valid_for_ns, frame, twist, .. } = *sample;
-        if let Some(axis) = twist.iter().position(|value| !value.is_finite()) {
-            return Err(LeadRefusal::NotFinite { axis, value: twist[axis], sequence });
+        // Written so that NaN is refused.
+        if let Some(axis) = twist.iter().position(|value| !(-LARGEST..=LARGEST).contains(value)) {
+            return Err(LeadRefusal::Value { axis, value: twist[axis], sequence });
         }
         let frame = TwistFrame::from_code(frame).ok_or(LeadRefusal::Frame { got: frame, sequence })?;
         let accepted = self.limits.longest_valid_ns;
@@ -158,9 +161,15 @@ impl Lead {
         self.twist
     }
 
-    /// The arm stands, and nobody has led it there: no sample that came before counts.
-    pub fn rest(&mut self, now_ns: u64) {
-        *self = Self { looked_ns: Some(now_ns), ..Self::new(self.limits) };
+    /// The arm stands, and nobody has led it there: no sample that came before counts. ṗ0 begins at zero when it is next
+    /// looked at, however long that takes.
+    pub fn rest(&mut self) {
+        *self = Self::new(self.limits);
+    }
+
+    /// The arm is held: what is asked for counts on, and ṗ0 begins anew at zero.
+    pub fn halt(&mut self) {
+        (self.twist, self.looked_ns) = ([0.0; TASK_AXES], None);
     }
 
     /// What the newest sample asks for at this instant, within the limits of speed, base frame.
@@ -204,6 +213,13 @@ mod tests {
         TwistSample { sequence, stamp_ns, boot_id: 7, valid_for_ns: 100 * MS, twist, ..TwistSample::zeroed() }
     }
 
+    /// One at rest that is looked at.
+    fn looked_at(now_ns: u64) -> Lead {
+        let mut lead = Lead::new(LIMITS);
+        assert_eq!(lead.twist(now_ns, &LEVEL), [0.0; TASK_AXES]);
+        lead
+    }
+
     /// ṗ0 after `cycles` of 4 ms, the sample taken at the first.
     fn led(lead: &mut Lead, from_ns: u64, cycles: u64) -> [f64; TASK_AXES] {
         (1..=cycles).map(|cycle| lead.twist(from_ns + cycle * 4 * MS, &LEVEL)).last().expect("a cycle")
@@ -211,8 +227,7 @@ mod tests {
 
     #[test]
     fn it_ramps_up_and_when_its_time_is_over_down_to_zero() {
-        let mut lead = Lead::new(LIMITS);
-        lead.rest(1000 * MS);
+        let mut lead = looked_at(1000 * MS);
         lead.take(&sample(1, 1000 * MS, [0.0, 0.0, -0.05, 0.0, 0.0, 0.0]), 1000 * MS).expect("sound");
         assert_eq!(led(&mut lead, 1000 * MS, 1)[2], -0.004);
         assert_eq!(led(&mut lead, 1004 * MS, 12)[2], -0.05);
@@ -230,8 +245,7 @@ mod tests {
 
     #[test]
     fn what_is_too_fast_goes_the_same_way_slower() {
-        let mut lead = Lead::new(LIMITS);
-        lead.rest(0);
+        let mut lead = looked_at(0);
         let longer = |sample| TwistSample { valid_for_ns: 200 * MS, ..sample };
         lead.take(&longer(sample(1, 0, [0.3, 0.4, 0.0, 0.0, 0.0, 1.0])), 0).expect("sound");
         let twist = led(&mut lead, 0, 26);
@@ -245,8 +259,7 @@ mod tests {
 
     #[test]
     fn the_tools_axes_are_turned_into_the_bases() {
-        let mut lead = Lead::new(LIMITS);
-        lead.rest(0);
+        let mut lead = looked_at(0);
         let along_tool =
             TwistSample { frame: TwistFrame::Tool.code(), ..sample(1, 0, [0.0, 0.0, 0.05, 0.0, 0.0, 0.0]) };
         lead.take(&along_tool, 0).expect("sound");
@@ -258,15 +271,14 @@ mod tests {
 
     #[test]
     fn what_does_not_count_is_named_and_changes_nothing() {
-        let mut lead = Lead::new(LIMITS);
-        lead.rest(1000 * MS);
+        let mut lead = looked_at(1000 * MS);
         let sound = sample(5, 1000 * MS, [0.02, 0.0, 0.0, 0.0, 0.0, 0.0]);
         lead.take(&sound, 1000 * MS).expect("sound");
         let (sequence, next) = (6, TwistSample { sequence: 6, ..sound });
         let mut not_finite = next;
         not_finite.twist[4] = f64::NEG_INFINITY;
         let cases = [
-            (not_finite, LeadRefusal::NotFinite { axis: 4, value: f64::NEG_INFINITY, sequence }),
+            (not_finite, LeadRefusal::Value { axis: 4, value: f64::NEG_INFINITY, sequence }),
             (TwistSample { frame: 2, ..next }, LeadRefusal::Frame { got: 2, sequence }),
             (TwistSample { valid_for_ns: 0, ..next }, LeadRefusal::Validity { got: 0, accepted: 200 * MS, sequence }),
             (
@@ -286,11 +298,40 @@ mod tests {
 
     #[test]
     fn who_rests_forgets_who_led() {
-        let mut lead = Lead::new(LIMITS);
-        lead.rest(0);
+        let mut lead = looked_at(0);
         lead.take(&sample(1, 0, [0.02; TASK_AXES]), 0).expect("sound");
         assert_ne!(led(&mut lead, 0, 2), [0.0; TASK_AXES]);
-        lead.rest(8 * MS);
+        lead.rest();
         assert_eq!(led(&mut lead, 8 * MS, 2), [0.0; TASK_AXES]);
+    }
+
+    #[test]
+    fn who_begins_begins_at_zero_however_long_nobody_has_looked() {
+        let forward = |sequence, stamp_ns| sample(sequence, stamp_ns, [0.0, 0.05, 0.0, 0.0, 0.0, 0.0]);
+        let mut lead = looked_at(0);
+        lead.rest();
+        lead.take(&forward(1, 200 * MS), 200 * MS).expect("sound");
+        assert_eq!(lead.twist(204 * MS, &LEVEL)[1], 0.0);
+        assert_eq!(led(&mut lead, 204 * MS, 1)[1], 0.004);
+        assert_eq!(led(&mut lead, 208 * MS, 12)[1], 0.05);
+        // Held for a while: the sample counts on, its speed does not.
+        lead.halt();
+        lead.take(&forward(2, 300 * MS), 300 * MS).expect("sound");
+        assert_eq!(lead.twist(304 * MS, &LEVEL)[1], 0.0);
+        assert_eq!(led(&mut lead, 304 * MS, 1)[1], 0.004);
+    }
+
+    #[test]
+    fn what_is_refused_or_too_fast_leaves_numbers() {
+        let (sine, cosine) = std::f64::consts::FRAC_PI_4.sin_cos();
+        let tilted = [[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]];
+        let in_tool = |value| TwistSample { frame: TwistFrame::Tool.code(), ..sample(1, 0, [value; TASK_AXES]) };
+        let mut lead = looked_at(0);
+        assert!(matches!(lead.take(&in_tool(f64::MAX), 0), Err(LeadRefusal::Value { axis: 0, .. })));
+        lead.take(&in_tool(LARGEST), 0).expect("sound");
+        for cycle in 1..100 {
+            let twist = lead.twist(cycle * 4 * MS, &tilted);
+            assert!(twist.iter().all(|value| value.is_finite()), "{twist:?}");
+        }
     }
 }

@@ -5,6 +5,9 @@ use ipc_types::{IpcSettings, Node, Subscriber, TASK_AXES, TwistSample};
 
 use crate::{Lead, LeadLimits, LeadRefusal, OpenError, Rotation};
 
+/// Samples that are taken in one cycle at most: more than wait in the port, so that who floods it does not keep the loop.
+const MOST_AT_ONCE: usize = 64;
+
 /// A [`Lead`] with its port. The service is there as long as this is: who wants to lead finds out whether anybody follows.
 #[derive(Debug)]
 pub struct Led {
@@ -33,7 +36,8 @@ impl Led {
         tool: &Rotation,
         mut refused: impl FnMut(&LeadRefusal, u64),
     ) -> [f64; TASK_AXES] {
-        while let Ok(Some(sample)) = self.twists.receive() {
+        for _ in 0..MOST_AT_ONCE {
+            let Ok(Some(sample)) = self.twists.receive() else { break };
             if let Err(refusal) = self.lead.take(&sample, now_ns) {
                 self.refused += 1;
                 refused(&refusal, self.refused);
@@ -43,9 +47,16 @@ impl Led {
     }
 
     /// The arm stands, and nobody has led it there: what was asked for before does not count.
-    pub fn rest(&mut self, now_ns: u64) {
+    pub fn rest(&mut self) {
         // What waits was asked for before, too.
-        while let Ok(Some(_)) = self.twists.receive() {}
-        self.lead.rest(now_ns);
+        for _ in 0..MOST_AT_ONCE {
+            let Ok(Some(_)) = self.twists.receive() else { break };
+        }
+        self.lead.rest();
+    }
+
+    /// The arm is held: what is asked for counts on, and ṗ0 begins anew at zero.
+    pub fn halt(&mut self) {
+        self.lead.halt();
     }
 }

@@ -54,10 +54,13 @@ impl Stream {
     }
 
     /// The reference that is given to the drives where `wanted` is, rad/s and m/s. Once per interval, and never less:
-    /// it counts the calls. Without a command, or under `Hold`, `wanted` is zero.
+    /// it counts the calls. Without a command, or under `Hold`, `wanted` is zero. Where the daemon's stops may exceed the
+    /// jerk (`limits.stop_exceeds_jerk`), the jerk here is infinite: else such a stop is not what the daemon predicts.
     pub fn next(&mut self, wanted: &[f64; MAX_JOINTS]) -> [f64; MAX_JOINTS] {
         let since = self.drives.interval_ns as f64 * 1e-9;
-        self.reference = self.drives.limits.follow(&self.reference, since, wanted);
+        // What is no number, as near a singular pose, is a standstill: else nothing after it would be one.
+        let wanted = wanted.map(|value| if value.is_finite() { value } else { 0.0 });
+        self.reference = self.drives.limits.follow(&self.reference, since, &wanted);
         self.reference.velocity
     }
 

@@ -236,7 +236,7 @@ impl Edge {
         // Samples of another session are of another boot: nothing of what was before goes on.
         self.controller.restart(boot_id());
         if let Some(leader) = &mut self.leader {
-            leader.rest(arrival_ns);
+            leader.rest();
         }
         let session = Session::new(self.setup.arm.sampling_time_ns, self.setup.speed_limit);
         tracing::info!("a session of the robot begins: {address}");

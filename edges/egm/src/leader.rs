@@ -31,13 +31,16 @@ impl Leader {
     }
 
     /// A session begins, in which the arm stands.
-    pub(crate) fn rest(&mut self, now_ns: u64) {
-        self.led.rest(now_ns);
+    pub(crate) fn rest(&mut self) {
+        self.led.rest();
         self.commanded = None;
     }
 
     /// ṗ0 and q0 of a sample.
     pub(crate) fn lead(&mut self, arm: &dyn AnyArm, reading: &Reading, stamp_ns: u64, now_ns: u64) -> Lead {
+        if !reading.follows {
+            self.led.halt();
+        }
         let twist = self.led.twist(now_ns, &arm.tool(&reading.position), say);
         let position = match self.commanded.filter(|_| reading.follows) {
             // It begins where the arm is.
@@ -57,8 +60,9 @@ impl Leader {
         bearing.twist = self.led.twist(now_ns, &arm.tool(&bearing.position), say);
     }
 
-    /// The joints hold: where they were led no longer counts.
+    /// The joints hold: where they were led no longer counts, and how fast does not either.
     pub(crate) fn hold(&mut self) {
+        self.led.halt();
         self.commanded = None;
     }
 }

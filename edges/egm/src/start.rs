@@ -158,6 +158,7 @@ fn plan(args: Args, exchange: Exchange<'_>) -> Result<Plan, Failure> {
     let named = |why: String| wrong(format!("{}: {why}", args.config.display()));
     let speed_limit = edge.egm.speed_limit(&units).map_err(named)?;
     let torque_factor = edge.egm.torque_factors(units.len(), daemon.wrench.source).map_err(named)?;
+    check_drives(&daemon).map_err(|why| wrong(format!("{}: {why}", args.daemon_config.display())))?;
     check_delay(&daemon).map_err(|why| wrong(format!("{}: {why}", args.daemon_config.display())))?;
     let arm = any_arm(&daemon.robot, daemon.control.minimum_reciprocal_condition)
         .ok_or_else(|| wrong("robot: an arm that is not known".to_owned()))?;
@@ -169,6 +170,17 @@ fn plan(args: Args, exchange: Exchange<'_>) -> Result<Plan, Failure> {
     let (arm_options, answer_ns) = (of(&daemon, &speed_limit), answer_ns(&daemon));
     let setup = Setup { settings, arm: arm_options, answer_ns, speed_limit, torque_factor, lead };
     Ok(Plan { edge, listen, robot, setup, guide: Guide::new(exchange(arm), units, speed_limit) })
+}
+
+/// What is sent here steps to zero where the arm is to stand.
+fn check_drives(daemon: &Config) -> Result<(), String> {
+    match &daemon.limits.joint_acceleration_rad_s2 {
+        None => Ok(()),
+        Some(limits) => Err(format!(
+            "limits.joint_acceleration_rad_s2 = {limits:?}: accepted with EGM: absent, since zeros are sent at once where the arm \
+             is to stand; the robot's controller keeps its drives' limits"
+        )),
+    }
 }
 
 /// A robot acts on an answer in its next cycle at the earliest.

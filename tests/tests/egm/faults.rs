@@ -359,8 +359,10 @@ fn a_daemon_that_is_started_again_goes_on_in_free_motion_and_holds_in_contact() 
     let edge = || Command::new(&binaries().admittance_egm);
     undisturbed(|| {
         let run = run(Injection::Process(restart), Situation::Free, &mut edge());
-        let ended = run.truths.iter().find(|truth| fastest(truth) < RESTS && truth.scenario_time_s > 0.15);
-        assert!(ended.is_some(), "the arm stood while there was no daemon");
+        let stood = run.truths.iter().position(|truth| fastest(truth) < RESTS && truth.scenario_time_s > 0.15);
+        let stood = stood.expect("the arm stood while there was no daemon");
+        // At the end of the run it stands in any case.
+        assert!(run.truths[stood..].iter().any(|truth| fastest(truth) > RESTS), "it stood only at the end");
         run.verify(End::GoesOn, COMM_TIMEOUT_S, 0.0);
     });
     let started_in_contact = |cell: &mut Cell| {

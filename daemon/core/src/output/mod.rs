@@ -166,7 +166,9 @@ impl<const N: usize, const D: usize> Output<N, D> {
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
         let Self { settings: _, plan, offset, under_way, streamed, turning, handover: _, limited, fallbacks } = old;
-        (self.streamed, self.turning) = (*streamed, *turning);
+        // What was streamed is told tick by tick.
+        let same_tick = old.settings.tick == self.settings.tick;
+        (self.streamed, self.turning) = (streamed.filter(|_| same_tick), *turning);
         (self.plan, self.offset, self.under_way) = (*plan, *offset, *under_way);
         (self.limited, self.fallbacks) = (*limited, *fallbacks);
         self.handover = Handover::UnderWay;

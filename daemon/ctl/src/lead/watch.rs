@@ -76,7 +76,11 @@ impl Watch {
     pub(super) fn refuses(&self) -> Option<String> {
         let mode = mode_text(self.newest.mode, self.newest.stop_reason);
         match (&self.records, Mode::from_code(self.newest.mode)) {
-            (None, _) | (Some(_), Some(Mode::Free)) => None,
+            // Nothing would limit the force.
+            (None, Some(Mode::Idle) | None) => {
+                Some(format!("the daemon says {mode}; accepted: every other mode (admittancectl enable)"))
+            }
+            (None, Some(_)) | (Some(_), Some(Mode::Free)) => None,
             (Some(_), _) => Some(format!("the daemon says {mode}; accepted with --until-contact: Free")),
         }
     }

@@ -5,7 +5,7 @@ use admittance_host::config_section;
 
 config_section! {
     /// Limits of joints and offset. The MPC and the minimum-force stop know them as constraints;
-    /// an offset that is not optimised is clamped to `velocity_offset`.
+    /// an offset that is not optimised is clamped to `velocity_offset`, but where the limits of the drives ask for more.
     pub struct LimitsSection {
         /// Largest |Δṗ| per task axis.
         velocity_offset: Vec<f64>, unit "m/s, rad/s", range 0.001..=20.0, length 2..=6, each "axis";
@@ -26,7 +26,7 @@ config_section! {
         /// Whether a minimum-force stop, and coming to rest after it, may exceed joint_jerk_rad_s3.
         stop_exceeds_jerk: bool = false;
         /// Largest rate of Δṗ per task axis toward the surface, and either way on an axis that does
-        /// not feel it.
+        /// not feel it. Not together with joint_acceleration_rad_s2.
         inward_rate_m_s2: Option<Vec<f64>>, unit "m/s^2, rad/s^2", range 0.01..=1e5, length 2..=6, each "axis";
         /// Largest rate of Δṗ per task axis out of the surface; unlimited when absent.
         outward_rate_m_s2: Option<Vec<f64>>, unit "m/s^2, rad/s^2", range 0.01..=1e5, length 2..=6, each "axis";
@@ -41,6 +41,11 @@ fn positions_and_drives(limits: &LimitsSection, path: &str, errors: &mut Vec<Con
     if limits.joint_jerk_rad_s3.is_some() && limits.joint_acceleration_rad_s2.is_none() {
         let accepted = format!("a limit of the acceleration beside {path}.joint_jerk_rad_s3");
         errors.push(ConfigError::new(format!("{path}.joint_acceleration_rad_s2"), "absent", accepted));
+    }
+    if let (Some(_), Some(rate)) = (&limits.joint_acceleration_rad_s2, &limits.inward_rate_m_s2) {
+        let accepted =
+            format!("absent beside {path}.joint_acceleration_rad_s2, which may need another rate to be kept");
+        errors.push(ConfigError::new(format!("{path}.inward_rate_m_s2"), format!("{rate:?}"), accepted));
     }
     if limits.stop_exceeds_jerk && limits.joint_jerk_rad_s3.is_none() {
         let accepted = format!("false, since there is no {path}.joint_jerk_rad_s3");
