@@ -149,7 +149,7 @@ fn a_foreign_type_is_named() {
         assert!(matches!(error, ServiceError::WrongType { .. }), "{error}");
         error.to_string()
     }
-    let later = "service admittanced/r1/state carries admittanced.StateSample.v3 (472 bytes), this program speaks \
+    let later = "service admittanced/r1/state carries admittanced.StateSample.v3 (408 bytes), this program speaks \
                  admittanced.StateSample.v2 (472 bytes): ";
     let error = with::<LaterStateSample>();
     assert!(error.starts_with(later), "{error}");

@@ -119,8 +119,8 @@ def main(schema_path, root_path, prefix, instance):
         if time.monotonic() > give_up:
             sys.exit(f"schema_client: nobody subscribed to state samples in {CONNECT_TIMEOUT_S} s")
         time.sleep(0.01)
-    # A quality of service or a type that differs from the daemon's is refused here.
-    theirs = [name for name, entry in contract.services.items() if not entry["writer"].startswith("plant-sim")]
+    # A quality of service or a type that differs from the daemon's is refused here. Of the others' none is there.
+    theirs = [name for name, entry in contract.services.items() if "admittanced" in entry["creator"]]
     opened = [contract.service(name).open() for name in theirs]
 
     boot_id = int.from_bytes(os.urandom(8), "little") | 1

@@ -170,7 +170,7 @@ fn surroundings() -> Vec<Row> {
             "A foreign process has created a service of the daemon's name with another schema version.",
             Injection::Start(Newcomer::ForeignVersion),
             69,
-            &["service admittanced/other/state carries admittanced.StateSample.v1 (472 bytes), this program speaks \
+            &["service admittanced/other/state carries admittanced.StateSample.v1 (408 bytes), this program speaks \
                admittanced.StateSample.v2 (472 bytes)"],
             &[],
         ),

@@ -2,6 +2,8 @@
 //! force stays below what the last plan and the standstill after it can reach.
 
 use std::process::Command;
+use std::thread;
+use std::time::Duration;
 
 use admittance_host::clock::monotonic_ns;
 use egm_messages::EgmRobot;
@@ -354,6 +356,8 @@ fn a_daemon_that_is_started_again_goes_on_in_free_motion_and_holds_in_contact() 
     let restart: fn(&mut Cell) = |cell| {
         cell.daemon.terminate();
         assert_eq!(cell.daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", cell.daemon.report());
+        // Until nothing is left of the plan, and the arm stands.
+        thread::sleep(Duration::from_millis(200));
         cell.start_another_daemon();
     };
     let edge = || Command::new(&binaries().admittance_egm);

