@@ -47,12 +47,28 @@ fn what_a_study_of_surfaces_is_told_is_refused_before_it_runs() {
         ("--noise-n", "10", "accepted: 0 to 9.9 N"),
         ("--noise-n", "-1", "accepted: 0 to 9.9 N"),
         ("--risk", "1.5", "accepted: 0 to 1"),
+        ("--told-noise", "-1", "accepted: 0 to 10 times the true noise"),
+        ("--contact-tolerance-m", "0.2", "accepted: 0 to 0.1 m"),
+        ("--outside", "0.5", "accepted: 1 to 10 times the hardest"),
+        ("--sampling-time", "0.003", "accepted: one of"),
+        ("--inputs", "9", "1..=8"),
     ] {
         let (code, text) = run(&["study", "verdict", "--surface", "range10", "--runs", "1", option, value]);
         assert_eq!(code, Some(64), "{option} {value}: {text}");
         for part in [option, &format!("'{value}'"), accepted] {
             assert!(text.contains(part), "{option} {value} does not say {part}: {text}");
         }
+    }
+}
+
+#[test]
+fn what_needs_a_range_is_refused_without_one() {
+    for (option, value) in [("--contact-tolerance-m", "0.001"), ("--outside", "2")] {
+        let study = |surface| run(&["study", "verdict", "--surface", surface, "--runs", "2", option, value]);
+        let (code, text) = study("known");
+        assert_eq!((code, text.contains(&format!("{option} with --surface known"))), (Some(64), true), "{text}");
+        let (code, text) = study("range10");
+        assert_eq!(code, Some(0), "{text}");
     }
 }
 

@@ -65,6 +65,7 @@ fn contact(sampling_time_s: f64, speed_m_s: f64, phase: f64) -> Contact {
         normal,
         surface_point_m: point,
         stiffness_n_m: STIFFNESS_N_M,
+        damping_n_s_m: 0.0,
         limit_n: f64::INFINITY,
         joint_position: q.to_vec(),
         joint_velocity: velocity,

@@ -2,7 +2,7 @@
 //! linearised again along each solution, whose inputs are then tried on the nonlinear arm. It
 //! shares no model code with the controller.
 
-use super::arm::{Arm, dot, lag};
+use super::arm::{Arm, dot, lag, product};
 use super::ocp::{self, Stage};
 use super::task::{Frame, Task};
 
@@ -39,6 +39,8 @@ pub(crate) struct Contact {
     pub(crate) surface_point_m: [f64; 3],
     /// Stiffness along the normal in N/m.
     pub(crate) stiffness_n_m: f64,
+    /// Damping along it in N s/m: what no input can help at the touch itself is no fault of a controller.
+    pub(crate) damping_n_s_m: f64,
     /// The normal force in N that forces are held against: where the frame turns and another force is the
     /// first that brings a direction to its limit, they count as so much more or less.
     pub(crate) limit_n: f64,
@@ -195,6 +197,17 @@ impl Contact {
         dot(self.normal, std::array::from_fn(|axis| self.surface_point_m[axis] - tcp[axis]))
     }
 
+    /// Normal force in N, as it counts in this pose.
+    fn force_n(&self, state: &JointState) -> f64 {
+        let depth = self.penetration_m(&state.position);
+        if depth > 0.0 {
+            let inward = -product(&self.arm.lever(&state.position, self.normal), &state.velocity);
+            (self.stiffness_n_m * depth + self.damping_n_s_m * inward).max(0.0) * self.weight(&state.position)
+        } else {
+            0.0
+        }
+    }
+
     /// The state after `time_s` of a constant reference.
     pub(super) fn advance(&self, state: &JointState, reference: &[f64], time_s: f64) -> JointState {
         let mut next = state.clone();
@@ -209,18 +222,14 @@ impl Contact {
 
     /// Where the inputs lead, and the largest normal force in N on the way, both ends included.
     fn apply(&self, mut state: JointState, inputs: &[Input]) -> (JointState, f64) {
-        let force = |q: &[f64]| {
-            let depth = self.penetration_m(q);
-            if depth > 0.0 { self.stiffness_n_m * depth * self.weight(q) } else { 0.0 }
-        };
-        let mut peak = force(&state.position);
+        let mut peak = self.force_n(&state);
         for input in inputs {
             let steps = (input.duration_s / CONFIRMATION_GRID_S - 1e-9).ceil().max(1.0) as u32;
             let start = state.clone();
             for step in 1..=steps {
                 let time = input.duration_s * f64::from(step) / f64::from(steps);
                 state = self.advance(&start, &input.reference, time);
-                peak = peak.max(force(&state.position));
+                peak = peak.max(self.force_n(&state));
             }
         }
         (state, peak)
@@ -281,6 +290,7 @@ mod tests {
             normal,
             surface_point_m: std::array::from_fn(|axis| tcp[axis] + 0.0006 * normal[axis]),
             stiffness_n_m: 1e5,
+            damping_n_s_m: 0.0,
             limit_n: 200.0,
             joint_position: q.to_vec(),
             joint_velocity: approach.clone(),
@@ -332,6 +342,22 @@ mod tests {
         println!("{} {} {}", free.peak_n, held.peak_n, same.peak_n);
         assert!(held.peak_n > 1.04 * free.peak_n);
         assert!((same.peak_n / free.peak_n - 1.0).abs() < 1e-6);
+    }
+
+    /// What the surface's damping does at the touch itself no input helps; what it takes later is not brought back.
+    #[test]
+    fn damping_of_the_surface_costs_force() {
+        let peak = |damping_n_s_m: f64| {
+            let answer = Contact { damping_n_s_m, ..contact([(-3.0, 3.0); 2]) }.lowest_peak().unwrap();
+            // The optimum of the linear problem, and what its inputs make of the arm.
+            assert!((answer.peak_n / answer.optimum_n - 1.0).abs() < 2e-3, "{answer:?}");
+            answer.peak_n
+        };
+        let peaks = [0.0, 100.0, 200.0, 400.0].map(peak);
+        println!("{peaks:?}");
+        assert!(peaks.windows(2).all(|pair| pair[0] < pair[1]), "{peaks:?}");
+        // 0.36 m/s along the normal at the first active sample, 0.6 mm below the surface.
+        assert!(peaks[3] > 60.0 + 400.0 * 0.36, "{peaks:?}");
     }
 
     #[test]

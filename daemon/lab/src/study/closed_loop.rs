@@ -135,6 +135,7 @@ pub(crate) fn contact(draw: &Draw, first: &FirstActive) -> Contact {
         normal: draw.normal(),
         surface_point_m: draw.contact_point_m(),
         stiffness_n_m: draw.stiffness_n_m,
+        damping_n_s_m: 0.0,
         limit_n: draw.normal_force_limit_n(),
         joint_position: first.joint_position.clone(),
         joint_velocity: first.joint_velocity.clone(),

@@ -41,12 +41,19 @@ enum What {
     /// virtual time.
     #[command(after_help = "Examples:\n  admittance-lab study verdict --runs 1000 --seed 1\n  \
         admittance-lab study verdict --runs 10000 --seed 1 --json > verdict.json\n  \
-        admittance-lab study verdict --arms all --runs 5000 --seed 3\n\n\
+        admittance-lab study verdict --arms all --runs 5000 --seed 3\n  \
+        admittance-lab study verdict --surface range50 --noise-n 0.5 --sampling-time 0.001 --runs 1000 --seed 1\n\n\
         First active sample: the first whose wrench estimate exceeds the activation threshold on an axis. Attainable: from \
         its state some input, held for a sampling time each, keeps the force limits for 100 ms. Feasible: no verdict of the \
         run is infeasible. Unsound: a limit exceeded by more than 0.5 N + 0.5 % in a cycle whose verdict was feasible. \
         Timid: infeasible though attainable, at once or later. Withdrawn: feasible first, infeasible later. The same seed gives the same \
-        answer, whatever the number of threads.")]
+        answer, whatever the number of threads.\n\n\
+        With --surface, of contacts apart from brief ones and those over the limit at the first active sample: safe: every verdict was; \
+        at_risk: not stopped, and a verdict was; infeasible: stopped. safe_then_over: over the limit in a cycle whose verdict was safe, \
+        stopped later or not; withdrawn_then_over: safe at first, over after a later verdict was not. over_at_risk: accepted, \
+        attainable and over all the same. stop_peak_max: of stops, over the limit or the attainable peak. avoidable_losses: contacts \
+        lost that some input keeps. known_after_ms: until stiffness (20 %) and depth (50 um) are known. settled_error_n: true force at \
+        the end against what is asked; believed_error_n: against what is believed. outside_range: stops as a surface outside its range.")]
     Verdict(VerdictArgs),
     /// Press in worlds that a careful commissioning leaves open: stiffness, tilt, speed loops,
     /// delays, lags, friction, damping and noise as nobody told them.
@@ -101,6 +108,12 @@ struct VerdictArgs {
     /// With --surface: from which share of surfaces that can't be kept on to stop, contact.risk.
     #[arg(long, value_parser = unknown::risk, requires = "surface", allow_hyphen_values = true)]
     risk: Option<f64>,
+    /// With --surface: T_s of every contact in s; else one of those of the contacts is drawn.
+    #[arg(long, value_name = "S", value_parser = sampling_time, requires = "surface", allow_hyphen_values = true)]
+    sampling_time: Option<f64>,
+    /// With --surface: mpc.inputs_per_cycle; else as many as last 0.5 ms each.
+    #[arg(long, requires = "surface", value_parser = clap::value_parser!(u8).range(1..=8))]
+    inputs: Option<u8>,
     #[command(flatten)]
     not_as_told: unknown::NotAsTold,
     /// With --surface or --world rigid-body: one case of it, in full.
@@ -133,6 +146,12 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         What::ContactCycles(args) => contact_cycles::run(args),
         What::Case(args) => one_of_them(args),
     }
+}
+
+/// One of those that are drawn.
+fn sampling_time(text: &str) -> Result<f64, String> {
+    let accepted = draw::SAMPLING_TIMES_S;
+    text.parse().ok().filter(|time| accepted.contains(time)).ok_or_else(|| format!("accepted: one of {accepted:?}"))
 }
 
 fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
@@ -168,8 +187,16 @@ fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
         ));
     }
     if let Some(told) = args.surface {
-        let VerdictArgs { noise_n, risk, not_as_told, seed, .. } = *args;
-        let world = unknown::World { told, noise_n, risk, not_as_told, seed };
+        let VerdictArgs { noise_n, risk, not_as_told, seed, inputs, sampling_time: sampling_time_s, .. } = *args;
+        let world = unknown::World { told, noise_n, risk, sampling_time_s, inputs, not_as_told, seed };
+        if told == unknown::Told::Known
+            && let Some(option) = not_as_told.of_a_range()
+        {
+            return Err((
+                Exit::Usage,
+                format!("{option} with --surface known: accepted with a range: range3, range10, range50"),
+            ));
+        }
         if told == unknown::Told::Known && not_as_told.tilt_deg > 0.0 {
             eprintln!(
                 "--tilt-deg {} with --surface known: without a range of the stiffness no tolerance of the normal is told, and the \

@@ -61,7 +61,7 @@ struct Scale {
     force: f64,
 }
 
-/// min s subject to k·penetration ≤ s at all instants of the grid, `peak_before_n` ≤ s, and the
+/// min s subject to the force (k·penetration, and its damping) ≤ s at all instants of the grid, `peak_before_n` ≤ s, and the
 /// bounds of the references; with `keeps_contact` also penetration ≥ 0.
 ///
 /// # Errors
@@ -159,7 +159,7 @@ fn kept(contact: &Contact, start: &JointState, stages: &[Stage], scale: Scale, r
     }
 }
 
-/// k·penetration ≤ s at the instants of one input, its end included; without a variable for s,
+/// The force ≤ s at the instants of one input, its end included; without a variable for s,
 /// penetration ≥ 0 there.
 fn force_rows(
     contact: &Contact,
@@ -174,24 +174,28 @@ fn force_rows(
     let joints = contact.arm.joints();
     let at = STAGE * joints * m;
     let sign = if peak.is_some() { 1.0 } else { -1.0 };
+    // Damping counts in the force, not in whether there is contact.
+    let damping_n_s_m = if peak.is_some() { contact.damping_n_s_m } else { 0.0 };
     for instant in 1..=instants {
         let time = stage.duration_s * f64::from(instant) / f64::from(instants);
         let around = match &stage.state {
             Some(state) => contact.advance(state, &stage.reference, time).position,
             None => start.position.clone(),
         };
-        let unit = contact.stiffness_n_m / scale.force * sign * contact.weight(&around);
+        let weight = contact.weight(&around);
+        let unit = contact.stiffness_n_m / scale.force * sign * weight;
+        let by_rate = damping_n_s_m / scale.force * weight;
         // penetration(q) ≈ penetration(q̄) − g·(q − q̄), with q counted from the start.
         let lever = contact.arm.lever(&around, contact.normal);
         let moved: Vec<f64> = around.iter().zip(&start.position).map(|(around, start)| around - start).collect();
         let mut entries = Vec::with_capacity(1 + STAGE * joints);
         for (joint, lever) in lever.iter().enumerate() {
             let time_constant = contact.velocity_time_constant_s[joint];
-            let (by_velocity, _) = lag(time_constant, 1.0, 0.0, time);
-            let (by_reference, _) = lag(time_constant, 0.0, 1.0, time);
-            let factor = -unit * lever;
-            entries.push((at + joint, factor * by_reference * scale.speed));
-            entries.push((at + joints + joint, factor * by_velocity * scale.speed));
+            let (by_velocity, left) = lag(time_constant, 1.0, 0.0, time);
+            let (by_reference, gained) = lag(time_constant, 0.0, 1.0, time);
+            let (factor, rate) = (-unit * lever, -by_rate * lever);
+            entries.push((at + joint, (factor * by_reference + rate * gained) * scale.speed));
+            entries.push((at + joints + joint, (factor * by_velocity + rate * left) * scale.speed));
             entries.push((at + 2 * joints + joint, factor * scale.angle));
         }
         entries.extend(peak.map(|peak| (peak, -1.0)));

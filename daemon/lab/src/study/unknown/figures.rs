@@ -1,5 +1,6 @@
 //! From contacts with unknown surfaces to figures.
 
+use ipc_types::StopReason;
 use serde::Serialize;
 
 use super::super::statistics::exceeds;
@@ -29,6 +30,7 @@ pub(crate) struct ToP95 {
 struct Examples {
     refused: Vec<u64>,
     safe_then_over: Vec<u64>,
+    withdrawn_then_over: Vec<u64>,
     over_at_risk: Vec<u64>,
     lost: Vec<u64>,
     unsettled: Vec<u64>,
@@ -40,6 +42,8 @@ struct Examples {
 pub(crate) struct Figures {
     surface: Told,
     noise_n: f64,
+    sampling_time_s: Option<f64>,
+    inputs: Option<u8>,
     #[serde(flatten)]
     not_as_told: NotAsTold,
     runs: u64,
@@ -56,8 +60,12 @@ pub(crate) struct Figures {
     accepted_of_attainable: f64,
     /// Not attainable, and not stopped.
     accepted_unattainable: u32,
-    /// Safe by every verdict, and then over the limit.
+    /// Over the limit in a cycle whose verdict was safe, stopped later or not.
     safe_then_over: u32,
+    /// Safe by the first verdict, and over the limit after later ones had taken that back.
+    withdrawn_then_over: u32,
+    /// Stopped as a surface outside its range.
+    outside_range: u32,
     /// At risk, attainable, accepted, and over the limit; and the largest peak over it.
     over_at_risk: u32,
     over_at_risk_max: f64,
@@ -92,6 +100,8 @@ impl Figures {
         let mut figures = Self {
             surface: world.told,
             noise_n: world.noise_n,
+            sampling_time_s: world.sampling_time_s,
+            inputs: world.inputs,
             not_as_told: world.not_as_told,
             runs: cases.len() as u64,
             seed: world.seed,
@@ -104,6 +114,8 @@ impl Figures {
             accepted_of_attainable: f64::NAN,
             accepted_unattainable: 0,
             safe_then_over: 0,
+            withdrawn_then_over: 0,
+            outside_range: 0,
             over_at_risk: 0,
             over_at_risk_max: 0.0,
             stop_peak_max: 0.0,
@@ -151,9 +163,14 @@ impl Figures {
             (true, false) => self.at_risk += 1,
             (false, false) => self.infeasible += 1,
         }
-        if seen.was_safe() && is_over {
+        self.outside_range += u32::from(seen.stop_reason == StopReason::SurfaceOutsideRange.code());
+        let is_safe_then_over = exceeds(seen.peak_while_safe_n, limit);
+        if is_safe_then_over {
             self.safe_then_over += 1;
             example(&mut self.examples.safe_then_over, case);
+        } else if exceeds(seen.peak_after_safe_n, limit) {
+            self.withdrawn_then_over += 1;
+            example(&mut self.examples.withdrawn_then_over, case);
         }
         if !seen.accepted() {
             self.stop_peak_max = self.stop_peak_max.max(seen.peak_n / limit.max(attainable_n));
@@ -167,7 +184,7 @@ impl Figures {
             return;
         }
         self.accepted_attainable += 1;
-        if !seen.was_safe() && is_over {
+        if !is_safe_then_over && is_over {
             self.over_at_risk += 1;
             self.over_at_risk_max = self.over_at_risk_max.max(seen.peak_n / limit);
             example(&mut self.examples.over_at_risk, case);
@@ -186,5 +203,88 @@ impl Figures {
         if error > 3.0 {
             example(&mut self.examples.unsettled, case);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::closed_loop::FirstActive;
+    use super::super::super::draw::Draw;
+    use super::*;
+
+    const SEED: u64 = 1;
+
+    /// A run that was accepted, safe all the time, and in these parts of its limit.
+    fn safe(draw: &Draw, peak: f64) -> Seen {
+        let peak_n = peak * draw.normal_force_limit_n();
+        let first_active =
+            Some(FirstActive { joint_position: vec![0.0; 2], joint_velocity: vec![0.0; 2], normal_force_n: 1.0 });
+        Seen {
+            first_active,
+            samples_in_contact: 100,
+            safe_cycles: 100,
+            peak_n,
+            peak_while_safe_n: peak_n,
+            peak_after_safe_n: peak_n,
+            ..Seen::default()
+        }
+    }
+
+    /// What became of a contact.
+    type Run<'a> = &'a dyn Fn(&Draw) -> Seen;
+
+    /// The figures of contacts of which each may attain this part of its limit, out of contact and in it.
+    fn of(cases: &[(f64, Run<'_>)]) -> Figures {
+        let not_as_told = super::super::tests::AS_TOLD;
+        let (told, sampling_time_s) = (Told::Range10, None);
+        let world = World { told, noise_n: 0.0, risk: None, sampling_time_s, inputs: None, not_as_told, seed: SEED };
+        let case = |index: usize| {
+            let draw = Draw::up_to(5e5, SEED, index as u64).unwrap();
+            let (attainable, seen) = &cases[index];
+            let attainable_n = Some(attainable * draw.normal_force_limit_n());
+            let seen = Ok(seen(&draw));
+            Case { told: draw.clone(), draw, seen, attainable_n, attainable_in_contact_n: attainable_n }
+        };
+        Figures::of(&world, &(0..cases.len()).map(case).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn every_contact_is_counted_once() {
+        let stopped = StopReason::Infeasible.code();
+        let at_risk = |draw: &Draw, peak: f64| Seen { at_risk_cycles: 3, peak_while_safe_n: 0.0, ..safe(draw, peak) };
+        let figures = of(&[
+            (0.8, &|draw| safe(draw, 0.9)),
+            (0.8, &|draw| Seen { contact_losses: 1, ..safe(draw, 0.9) }),
+            (1.2, &|draw| Seen { contact_losses: 1, ..safe(draw, 0.9) }),
+            (0.8, &|draw| Seen { peak_after_safe_n: 0.0, ..at_risk(draw, 0.9) }),
+            (0.8, &|draw| Seen { peak_after_safe_n: 0.0, ..at_risk(draw, 1.2) }),
+            (0.8, &|draw| Seen { stop_reason: stopped, infeasible_cycles: 1, ..at_risk(draw, 0.9) }),
+            (1.2, &|draw| Seen { stop_reason: StopReason::SurfaceOutsideRange.code(), ..at_risk(draw, 1.5) }),
+            (0.8, &|draw| Seen { samples_in_contact: 2, ..safe(draw, 1.5) }),
+            (0.8, &|_| Seen::default()),
+        ]);
+        assert_eq!((figures.runs, figures.apart), (9, 2));
+        assert_eq!((figures.safe, figures.at_risk, figures.infeasible), (3, 2, 2));
+        assert_eq!((figures.attainable, figures.accepted_attainable, figures.accepted_unattainable), (5, 4, 1));
+        assert_eq!((figures.losses, figures.avoidable_losses), (1, 1), "an unattainable contact has no losses");
+        assert_eq!((figures.over_at_risk, figures.examples.over_at_risk.as_slice()), (1, [4].as_slice()));
+        assert!((figures.over_at_risk_max - 1.2).abs() < 1e-9 && (figures.stop_peak_max - 1.25).abs() < 1e-9);
+        assert_eq!((figures.outside_range, figures.examples.refused.as_slice()), (1, [5].as_slice()));
+        assert_eq!((figures.safe_then_over, figures.withdrawn_then_over), (0, 1), "the seventh was safe at first");
+    }
+
+    /// What counts is the verdict of the cycle, not whether a stop came after it.
+    #[test]
+    fn over_the_limit_in_a_cycle_that_was_safe_is_counted_stopped_or_not() {
+        let stopped = StopReason::MeasuredForce.code();
+        let figures = of(&[
+            (0.8, &|draw| safe(draw, 1.1)),
+            (0.8, &|draw| Seen { stop_reason: stopped, ..safe(draw, 1.1) }),
+            (0.8, &|draw| Seen { at_risk_cycles: 1, ..safe(draw, 1.1) }),
+            (0.8, &|draw| Seen { stop_reason: stopped, peak_while_safe_n: 0.0, ..safe(draw, 1.1) }),
+        ]);
+        assert_eq!((figures.safe_then_over, figures.withdrawn_then_over), (3, 1));
+        assert_eq!(figures.examples.safe_then_over, [0, 1, 2]);
+        assert_eq!(figures.over_at_risk, 0, "not twice");
     }
 }

@@ -10,6 +10,7 @@ use std::fmt::Write as _;
 use admittancectl::parallel;
 use serde::Serialize;
 
+use super::attainable::Contact;
 use super::closed_loop;
 use super::controller::{self, Profile, Variant};
 use super::draw::{ACTIVATION_THRESHOLD_N, Draw, SOFTEST_N_M};
@@ -19,6 +20,8 @@ use run::Seen;
 
 /// Stiffness of the hardest surface drawn, in N/m: of fifty times the softest.
 const HARDEST_N_M: f64 = 5e5;
+/// Least stiffness that a range may have.
+const LEAST_N_M: f64 = 100.0;
 /// β in standard deviations of the noise at least: with less `validate` warns, since noise alone is
 /// a touch now and then.
 const LEAST_THRESHOLD: f64 = 5.0;
@@ -46,6 +49,9 @@ pub(crate) struct World {
     pub(crate) noise_n: f64,
     /// contact.risk, where it is not the default.
     pub(crate) risk: Option<f64>,
+    /// T_s in s and inputs in a cycle, where they are not drawn and not as many as of [`INPUT_S`].
+    pub(crate) sampling_time_s: Option<f64>,
+    pub(crate) inputs: Option<u8>,
     pub(crate) not_as_told: NotAsTold,
     pub(crate) seed: u64,
 }
@@ -83,6 +89,10 @@ impl World {
             Told::Range10 => 10.0,
             Told::Range50 => HARDEST_N_M / SOFTEST_N_M,
         };
+        if let Some(factor) = self.not_as_told.outside {
+            let most = draw.stiffness_n_m / factor;
+            return Some([(most / width).max(LEAST_N_M), most]);
+        }
         // Of the phase of the contact, which has nothing to do with it, digits that nobody sees.
         let place = (draw.contact_phase * 1e6).fract();
         let least = draw.stiffness_n_m * f64::powf(width, -place);
@@ -100,12 +110,18 @@ impl World {
         let range = self.range(draw).map_or_else(String::new, |range| {
             format!("stiffness_range_n_m = {range:?}\nnormal_tolerance_rad = {tolerance:?}\n")
         });
-        let inputs = (draw.sampling_time_s / INPUT_S).ceil().max(1.0);
+        let contact = if self.not_as_told.contact_tolerance_m > 0.0 && !range.is_empty() {
+            let point = self.not_as_told.told_point_m(draw, draw.contact_point_m());
+            format!("contact_point_m = {point:?}\ncontact_tolerance_m = {:?}", self.not_as_told.contact_tolerance_m)
+        } else {
+            "contact = \"detected\"".to_owned()
+        };
+        let inputs = self.inputs.map_or((draw.sampling_time_s / INPUT_S).ceil().max(1.0), f64::from);
         let text = controller::controller_text(draw, Profile::Default, Variant::Detected)
             .replace("[mpc]\n", &format!("[mpc]\ninputs_per_cycle = {inputs}\n"))
             .replace(
                 "contact = \"detected\"",
-                &format!("contact = \"detected\"\nwrench_noise_n = {:?}\n{range}", self.noise_n),
+                &format!("{contact}\nwrench_noise_n = {:?}\n{range}", self.noise_n * self.not_as_told.told_noise),
             );
         let usual = format!("activation_threshold = {:?}", [ACTIVATION_THRESHOLD_N; 2]);
         let text = text.replace(&usual, &format!("activation_threshold = {:?}", [self.threshold_n(); 2]));
@@ -126,12 +142,14 @@ impl World {
     }
 
     fn case(&self, index: u64) -> Result<Case, String> {
-        let told = Draw::up_to(HARDEST_N_M, self.seed, index)?;
+        let drawn = Draw::up_to(HARDEST_N_M, self.seed, index)?;
+        let told = Draw { sampling_time_s: self.sampling_time_s.unwrap_or(drawn.sampling_time_s), ..drawn };
         let draw = self.not_as_told.actual(&told);
         let (config, scenario) = (self.controller(&told)?, self.scenario(&draw)?);
         let seen = run::run(&draw, self.threshold_n(), (&config, &scenario), &mut |_| ());
         let first = seen.as_ref().ok().and_then(|seen| seen.first_active.clone());
-        let contact = first.map(|first| closed_loop::contact(&draw, &first));
+        let damping_n_s_m = self.not_as_told.damping;
+        let contact = first.map(|first| Contact { damping_n_s_m, ..closed_loop::contact(&draw, &first) });
         let attainable_n = contact.as_ref().and_then(|contact| contact.lowest_peak().ok()).map(|peak| peak.peak_n);
         let has_lost = seen.as_ref().is_ok_and(|seen| seen.accepted() && seen.contact_losses > 0);
         let attainable_in_contact_n = contact
@@ -175,11 +193,28 @@ impl World {
 mod tests {
     use super::*;
 
-    const AS_TOLD: NotAsTold = NotAsTold { tilt_deg: 0.0, friction: 0.0, damping: 0.0, told_lag: 1.0, bias_n: 0.0 };
+    pub(super) const AS_TOLD: NotAsTold = NotAsTold {
+        tilt_deg: 0.0,
+        friction: 0.0,
+        damping: 0.0,
+        told_lag: 1.0,
+        bias_n: 0.0,
+        told_noise: 1.0,
+        contact_tolerance_m: 0.0,
+        outside: None,
+    };
 
     /// By how much the force at the end is not the one that is asked, N.
     fn settled_error_n(told: Told, index: u64) -> f64 {
-        let world = World { told, noise_n: 0.0, risk: None, not_as_told: AS_TOLD, seed: 318_842 };
+        let world = World {
+            told,
+            noise_n: 0.0,
+            risk: None,
+            sampling_time_s: None,
+            inputs: None,
+            not_as_told: AS_TOLD,
+            seed: 318_842,
+        };
         let case = world.case(index).unwrap();
         let seen = case.seen.as_ref().unwrap();
         assert!(seen.accepted() && seen.contact_losses == 0, "case {index}: {seen:?}");

@@ -25,6 +25,15 @@ pub(crate) struct NotAsTold {
     /// With --surface: what the wrench shows beside the force, against it or with it along the normal, N.
     #[arg(long, default_value_t = 0.0, value_name = "N", value_parser = bias, requires = "surface", allow_hyphen_values = true)]
     pub(crate) bias_n: f64,
+    /// With --surface: noise of the wrench that is told, of the true one.
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", value_parser = told_noise, requires = "surface", allow_hyphen_values = true)]
+    pub(crate) told_noise: f64,
+    /// With a range: the contact point is told, and the surface up to so far from it, above or below.
+    #[arg(long, default_value_t = 0.0, value_name = "M", value_parser = point, requires = "surface", allow_hyphen_values = true)]
+    pub(crate) contact_tolerance_m: f64,
+    /// With a range: the surface is so many times as hard as the hardest that is told.
+    #[arg(long, value_name = "FACTOR", value_parser = outside, requires = "surface", allow_hyphen_values = true)]
+    pub(crate) outside: Option<f64>,
 }
 
 /// What environment.normal_tolerance_rad accepts.
@@ -52,6 +61,21 @@ fn bias(text: &str) -> Result<f64, String> {
     within(text, -1e4..=1e4, "N")
 }
 
+/// What leaves environment.wrench_noise_n in its range.
+fn told_noise(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=10.0, "times the true noise")
+}
+
+/// What environment.contact_tolerance_m accepts, or none.
+fn point(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=0.1, "m")
+}
+
+/// Harder than told.
+fn outside(text: &str) -> Result<f64, String> {
+    within(text, 1.0..=10.0, "times the hardest")
+}
+
 /// β is five of them, and below the least force limit that is drawn, 50 N.
 pub(crate) fn noise(text: &str) -> Result<f64, String> {
     within(text, 0.0..=9.9, "N")
@@ -70,6 +94,12 @@ fn within(text: &str, accepted: RangeInclusive<f64>, unit: &str) -> Result<f64, 
 }
 
 impl NotAsTold {
+    /// The option that is given and says nothing without a range.
+    pub(crate) fn of_a_range(&self) -> Option<&'static str> {
+        let point = (self.contact_tolerance_m > 0.0).then_some("--contact-tolerance-m");
+        point.or(self.outside.map(|_| "--outside"))
+    }
+
     /// The contact as it is, of which `told` is what the controller is told: the surface is tilted to
     /// either side, half of the time as far as it may be.
     pub(super) fn actual(&self, told: &Draw) -> Draw {
@@ -77,6 +107,14 @@ impl NotAsTold {
             angle_rad: told.angle_rad + self.tilt_deg.to_radians() * (2.0 * side(told)).clamp(-1.0, 1.0),
             ..told.clone()
         }
+    }
+
+    /// Where a surface begins that is touched at `touched` (m), as it is told: off by up to the tolerance
+    /// along the normal.
+    pub(super) fn told_point_m(&self, told: &Draw, touched: [f64; 3]) -> [f64; 3] {
+        let off = self.contact_tolerance_m * another_side(told);
+        let normal = told.normal();
+        std::array::from_fn(|axis| touched[axis] + off * normal[axis])
     }
 
     /// The controller's configuration with it.
@@ -104,4 +142,9 @@ impl NotAsTold {
 /// From −1 to 1, evenly; digits of the contact's phase, which has nothing to do with it.
 fn side(draw: &Draw) -> f64 {
     2.0 * (draw.contact_phase * 1e9).fract() - 1.0
+}
+
+/// The same of other digits.
+fn another_side(draw: &Draw) -> f64 {
+    2.0 * (draw.contact_phase * 1e11).fract() - 1.0
 }

@@ -28,6 +28,10 @@ pub(super) struct Seen {
     pub(super) infeasible_cycles: u32,
     /// Largest force from the first active sample on.
     pub(super) peak_n: f64,
+    /// The same until the next sample after those whose verdict was safe, stopped or not.
+    pub(super) peak_while_safe_n: f64,
+    /// The same after a first verdict that was safe, whatever the later ones said.
+    pub(super) peak_after_safe_n: f64,
     /// Times that contact ended after it.
     pub(super) contact_losses: u32,
     /// Why it stopped, or `None`'s code.
@@ -62,6 +66,7 @@ pub(super) fn run(
 ) -> Result<Seen, String> {
     let mut seen = Seen::default();
     let (mut losses_before, mut started, mut known) = (0, 0, 0);
+    let (mut last_verdict, mut first_verdict) = (Verdict::None.code(), Verdict::None.code());
     let (normal, point) = (draw.normal(), draw.contact_point_m());
     let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
@@ -72,7 +77,22 @@ pub(super) fn run(
             (losses_before, started) = (truth.contact_losses, state.stamp_ns);
             seen.peak_n = truth.normal_force_n;
         } else if seen.first_active.is_some() {
-            seen.peak_n = seen.peak_n.max(truth.peak_normal_force_n);
+            // That since the sample before: of the cycle whose verdict was the last one.
+            let peak_n = truth.peak_normal_force_n;
+            seen.peak_n = seen.peak_n.max(peak_n);
+            if last_verdict == Verdict::Feasible.code() {
+                seen.peak_while_safe_n = seen.peak_while_safe_n.max(peak_n);
+            }
+            if first_verdict == Verdict::Feasible.code() {
+                seen.peak_after_safe_n = seen.peak_after_safe_n.max(peak_n);
+            }
+        }
+        // A cycle without a verdict, in free motion or without an answer, leaves the last one standing.
+        if command.verdict != Verdict::None.code() {
+            last_verdict = command.verdict;
+            if first_verdict == Verdict::None.code() {
+                first_verdict = last_verdict;
+            }
         }
         if command.verdict == Verdict::Infeasible.code() || command.stop_reason != StopReason::NONE {
             seen.infeasible_cycles += u32::from(command.verdict == Verdict::Infeasible.code());
