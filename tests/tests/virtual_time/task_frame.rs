@@ -14,6 +14,8 @@ const CONFIG: &str = include_str!("../../../deploy/robots/six-joint.toml");
 const SCENARIO: &str = include_str!("../../../plant-sim/scenarios/six-joint.toml");
 /// f_max on every linear direction in N, and what the linear model may miss of it.
 const MOST: f64 = 150.0 + 0.5;
+/// f_min on z, N.
+const LEAST: f64 = 6.0;
 const ONE_DIRECTION: [bool; 6] = [false, false, true, false, false, false];
 /// A frame along nothing in particular.
 const RPY: [f64; 3] = [0.4, -0.7, 1.1];
@@ -163,7 +165,7 @@ fn peak_within(run: &Run, after_s: f64) -> f64 {
 }
 
 #[test]
-fn a_direction_that_leans_off_the_normal_presses_more_and_keeps_the_limit() {
+fn a_direction_that_leans_off_the_normal_keeps_its_least_force_and_its_limit() {
     for lean in [0.0, 0.15, 0.3, 0.45, 0.6] {
         let mut experiment =
             experiment(FrameName::Rpy, ONE_DIRECTION).with_motion(&[(1.5, &[0.0, 0.0, -0.05, 0.0, 0.0, 0.0])]);
@@ -171,7 +173,8 @@ fn a_direction_that_leans_off_the_normal_presses_more_and_keeps_the_limit() {
         let run = experiment.run();
         println!("{lean} rad: peak {:.1} N, settled {:.2} N", run.peak_normal(), run.settled_normal());
         assert_eq!((run.stop_reason(), run.losses(), run.infeasible()), (None, 0, 0), "{lean} rad");
-        // f_max is of the direction: along the normal it is as much more as the direction leans.
+        // f_min and f_max are of the direction: along the normal they are as much more as the direction leans.
+        assert!((run.settled_normal() * lean.cos() - LEAST).abs() < 0.1, "{lean} rad: {} N", run.settled_normal());
         assert!(run.peak_normal() * lean.cos() <= MOST, "{lean} rad: {} N", run.peak_normal());
     }
 }

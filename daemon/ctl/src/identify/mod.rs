@@ -1,9 +1,9 @@
 //! `admittancectl identify`: what recordings of ordinary motion tell of the arm, its sensor and what
 //! it touched, as keys of the configuration.
 //!
-//! [`track`] is the motion of a recording, [`reference`](mod@reference) what the joints were given,
-//! [`joint_loop`] how one follows, [`joint_fit`] fits it; [`loops`], [`delay`], [`tool`] and [`touch`] fit that by
-//! [`least_squares`], [`found`] in their order. [`fragment`], [`text`] and [`page`] say what came of it.
+//! `track` is the motion of a recording, `reference` what the joints were given,
+//! `joint_loop` how one follows, `joint_fit` fits it; `loops`, `delay`, `tool` and `touch` fit that by
+//! `least_squares`, `found` in their order. `fragment`, `text` and `page` say what came of it.
 
 mod arm;
 mod check;

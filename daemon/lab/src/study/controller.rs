@@ -162,7 +162,7 @@ pub(crate) fn controller_text(draw: &Draw, profile: Profile, variant: Variant) -
     )
 }
 
-/// [task], where it is another frame than the base frame.
+/// `[task]`, where it is another frame than the base frame.
 fn task_section(draw: &Draw) -> String {
     let frame = match draw.task.frame {
         Frame::Base => return String::new(),
