@@ -158,7 +158,7 @@ fn plan(args: Args, exchange: Exchange<'_>) -> Result<Plan, Failure> {
     let named = |why: String| wrong(format!("{}: {why}", args.config.display()));
     let speed_limit = edge.egm.speed_limit(&units).map_err(named)?;
     let torque_factor = edge.egm.torque_factors(units.len(), daemon.wrench.source).map_err(named)?;
-    check_drives(&daemon).map_err(|why| wrong(format!("{}: {why}", args.daemon_config.display())))?;
+    check_references(&daemon).map_err(|why| wrong(format!("{}: {why}", args.daemon_config.display())))?;
     check_delay(&daemon).map_err(|why| wrong(format!("{}: {why}", args.daemon_config.display())))?;
     let arm = any_arm(&daemon.robot, daemon.control.minimum_reciprocal_condition)
         .ok_or_else(|| wrong("robot: an arm that is not known".to_owned()))?;
@@ -172,8 +172,14 @@ fn plan(args: Args, exchange: Exchange<'_>) -> Result<Plan, Failure> {
     Ok(Plan { edge, listen, robot, setup, guide: Guide::new(exchange(arm), units, speed_limit) })
 }
 
-/// What is sent here steps to zero where the arm is to stand.
-fn check_drives(daemon: &Config) -> Result<(), String> {
+/// What is sent here is J⁻¹ of a twist, and steps to zero where the arm is to stand.
+fn check_references(daemon: &Config) -> Result<(), String> {
+    if daemon.redundancy.is_told() {
+        return Err(
+            "[redundancy]: accepted with EGM: absent, since the edge resolves twists itself, by the least norm"
+                .to_owned(),
+        );
+    }
     match &daemon.limits.joint_acceleration_rad_s2 {
         None => Ok(()),
         Some(limits) => Err(format!(

@@ -34,6 +34,16 @@ fn files_are_checked_and_what_is_wrong_is_named() {
             with_keys(DAEMON, &[("control.command_delay_s", "0.001")]),
             "control.command_delay_s = 0.001",
         ),
+        (
+            EDGE.to_owned(),
+            format!("{DAEMON}\n[redundancy]\ndamping_factor = 0.05\ndamping_below = 0.2\n"),
+            "[redundancy]: accepted with EGM: absent",
+        ),
+        (
+            EDGE.to_owned(),
+            with_keys(DAEMON, &[("limits.joint_acceleration_rad_s2", "[10.0, 10.0, 10.0, 10.0, 10.0, 10.0]")]),
+            "limits.joint_acceleration_rad_s2 = [10.0",
+        ),
     ];
     for (edge, daemon, expected) in wrong {
         let (code, text) = check(&edge, &daemon);
