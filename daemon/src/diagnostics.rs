@@ -183,6 +183,7 @@ impl Diagnostics {
             sample.verdict_side = command.verdict_side;
             sample.verdict_margin = command.verdict_margin;
             sample.verdict_time_s = command.verdict_time_s;
+            sample.verdict_share = command.verdict_share;
             sample.velocity_offset = command.velocity_offset;
         }
         (sample.wake_up_ns, sample.wake_up_last_second_ns) = (quantiles(&self.wake_up.all), self.wake_up.last_second);

@@ -6,7 +6,7 @@ mod samples;
 use admittance_core::intake::{Arrival, SampleFault};
 use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::clock::monotonic_ns;
-use admittance_host::config::fixed;
+use admittance_host::config::{fixed, percent};
 use admittance_runner::cycle::CycleReport;
 use ipc_types::{Mode, Motion, Side, StopReason, Verdict};
 
@@ -99,8 +99,9 @@ fn explanation(record: &CycleRecord) -> String {
         Some(StopReason::Infeasible) if command.verdict == Verdict::AtRisk.code() => {
             let axis = AXIS_NAMES.get(command.verdict_axis as usize).unwrap_or(&"?");
             format!(
-                ", too many surfaces that may be there can't be kept below the limit on {axis}: the worst exceeds it by {} N \
-                 in {:.1} ms",
+                ", {} of what may be there can't be kept below the limit on {axis}, more than contact.risk: the worst exceeds it \
+                 by {} N in {:.1} ms",
+                percent(command.verdict_share),
                 fixed(-command.verdict_margin, 1),
                 command.verdict_time_s * 1e3
             )
@@ -198,7 +199,9 @@ pub(crate) fn status_sentence(last: Option<&CycleRecord>) -> String {
         }
     }
     if command.verdict == Verdict::AtRisk.code() && command.mode == Mode::Contact.code() {
-        text += &format!(", at risk: up to {} N above the limit", fixed(-command.verdict_margin, 1));
+        let (share, worst) = (percent(command.verdict_share), fixed(-command.verdict_margin, 1));
+        text +=
+            &format!(", at risk: {share} of what may be there can't be kept below the limit, up to {worst} N above");
     }
     text + &explanation(record) + &complaint(record)
 }

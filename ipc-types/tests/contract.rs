@@ -31,31 +31,31 @@ fn compiled_layouts() -> Vec<Compiled> {
         compiled!(StateSample v 2: sequence stamp_ns boot_id applied_command_sequence joint_count wrench_valid
             drives_enabled plays_plan joint_position joint_velocity joint_position_reference twist_reference wrench
             joint_torque torque_valid follows_joint_velocity joint_velocity_reference),
-        compiled!(CommandSample v 2: sequence stamp_ns boot_id state_sequence state_stamp_ns valid_until_ns fallback_count
+        compiled!(CommandSample v 3: sequence stamp_ns boot_id state_sequence state_stamp_ns valid_until_ns fallback_count
             late_count missed_count rejected_count compute_time_ns joint_count motion mode source active_axes verdict
-            verdict_axis verdict_side stop_reason plan_length verdict_time_s verdict_margin velocity_offset
+            verdict_axis verdict_side stop_reason plan_length verdict_time_s verdict_margin verdict_share velocity_offset
             joint_velocity_offset twist_command plan_end_ns planned_offset joint_per_twist),
         compiled!(TruthSample v 1: sequence stamp_ns boot_id answer_time_ns missed_commands lateness_ns in_contact
             contact_losses motion missed scenario_time_s normal_force_n penetration_m peak_normal_force_n joint_position
             joint_velocity tcp_position tcp_rotation tcp_twist wrench peak_wrench velocity_offset),
         compiled!(RequestSample v 1: id deadline_ns kind force law given values),
-        compiled!(ResponseSample v 3: id state_sequence command_sequence cycles fallback_count late_count missed_count
+        compiled!(ResponseSample v 4: id state_sequence command_sequence cycles fallback_count late_count missed_count
             rejected_count uptime_ns compute_time_ns status mode motion stop_reason active_axes verdict joint_count
             text_length verdict_margin verdict_time_s wrench velocity_offset law enabled force_limit wrench_bias
             normal_stiffness_n_m surface_normal contact_point verdict_axis verdict_side
-            believed_stiffness_n_m believed_stiffness_band_n_m believed_normal text),
-        compiled!(RecordSample v 6: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
+            believed_stiffness_n_m believed_stiffness_band_n_m believed_normal verdict_share text),
+        compiled!(RecordSample v 7: sequence now_ns boot_id expired_at wake_up_latency_ns compute_time_ns answer_time_ns
             dropped_count limited_count contact_losses kind iterations fault limited forced done stop_order enabled
             contact_point wrench law reserved force_limit wrench_bias normal_stiffness_n_m surface_normal
             belief_uncertainty_n expected_pressing_n expected_spring_n expected_stamp_ns tool_acceleration
             joint_velocity joint_acceleration state command exceeded_count wrench_without_lag
             believed_stiffness_n_m believed_stiffness_band_n_m believed_normal wrench_deviation),
-        compiled!(DiagnosticsSample v 4: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
+        compiled!(DiagnosticsSample v 5: sequence stamp_ns boot_id uptime_ns cycles cycles_last_second fallback_count
             late_count missed_count rejected_count limited_count dropped_count contact_losses solver_failures mode motion
             stop_reason active_axes verdict verdict_axis verdict_side task_axes verdict_margin verdict_time_s wrench
             force_limit minimum_force velocity_offset wake_up_ns wake_up_last_second_ns compute_ns compute_last_second_ns
             answer_ns answer_last_second_ns exceeded_count state_stamp_ns missed_lately believed_stiffness_n_m
-            believed_stiffness_band_n_m believed_tilt_rad),
+            believed_stiffness_band_n_m believed_tilt_rad verdict_share),
         compiled!(TwistSample v 1: sequence stamp_ns boot_id valid_for_ns frame reserved twist),
     ]
 }
@@ -171,12 +171,12 @@ fn a_changed_layout_needs_a_new_version_of_its_sample() {
     let found: Vec<_> = SAMPLES.iter().map(of).collect();
     let known = [
         ("admittanced.StateSample.v2", 0x0938_8be2_b452_0017),
-        ("admittanced.CommandSample.v2", 0x965e_b8d0_790e_5ea7),
+        ("admittanced.CommandSample.v3", 0x199b_fbd5_0112_f2ee),
         ("admittanced.TruthSample.v1", 0x7aeb_0f8a_3fab_11b8),
         ("admittanced.RequestSample.v1", 0x1f12_9cd2_b9c5_6793),
-        ("admittanced.ResponseSample.v3", 0xdf18_0955_864a_b932),
-        ("admittanced.RecordSample.v6", 0xedef_d34b_33c3_82d8),
-        ("admittanced.DiagnosticsSample.v4", 0x26ea_539c_74b0_d12c),
+        ("admittanced.ResponseSample.v4", 0xd424_04e2_b016_6ab0),
+        ("admittanced.RecordSample.v7", 0xdcbd_f1b1_3134_4e5f),
+        ("admittanced.DiagnosticsSample.v5", 0x2770_3b9b_75ec_1451),
         ("admittanced.TwistSample.v1", 0x9b8c_a60e_99eb_ee9e),
     ];
     assert_eq!(found, known, "a sample changed: raise the version in its type name, then change its fingerprint here");

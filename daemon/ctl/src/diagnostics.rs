@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::clock::monotonic_ns;
-use admittance_host::config::fixed;
+use admittance_host::config::{fixed, percent};
 use ipc_types::services::{self, Access};
 use ipc_types::{DiagnosticsSample, IpcSettings, Mode, Node, QUANTILES, StopReason, Subscriber, TASK_AXES, Verdict};
 
@@ -90,7 +90,8 @@ pub(crate) fn verdict_text(sample: &DiagnosticsSample) -> String {
         }
         Some(Verdict::AtRisk) => {
             format!(
-                "at risk, up to {} N above on {axis} in {:.1} ms",
+                "at risk ({} of what may be there), up to {} N above on {axis} in {:.1} ms",
+                percent(sample.verdict_share),
                 fixed(-sample.verdict_margin, 1),
                 sample.verdict_time_s * 1e3
             )

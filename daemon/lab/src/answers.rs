@@ -117,6 +117,9 @@ impl Bounds {
         for (field, values) in arrays.iter().filter(|(_, values)| values.iter().any(|value| !value.is_finite())) {
             unsound(format!("{field} = {values:?}"));
         }
+        if !(0.0..=1.0).contains(&command.verdict_share) {
+            unsound(format!("verdict_share = {}", command.verdict_share));
+        }
         for offset in std::iter::once(&command.velocity_offset).chain(plan) {
             // Written so that NaN is beyond it.
             let is_within = |(value, bound): (&f64, &f64)| value.abs() <= bound * (1.0 + ROUNDING);

@@ -74,16 +74,17 @@ pub(crate) fn write_answer<const N: usize, const D: usize>(
 
 fn write_verdict(command: &mut CommandSample, verdict: &Verdict) {
     command.verdict = verdict.name().code();
-    let (axis, side, time, margin) = match *verdict {
-        Verdict::None => (0, None, 0.0, 0.0),
-        Verdict::Feasible { margin, axis, time } => (axis, Some(Side::Upper), time, margin),
-        Verdict::AtRisk { axis, time, excess, .. } => (axis, Some(Side::Upper), time, -excess),
-        Verdict::Infeasible { axis, side, time, shortfall } => (axis, Some(side), time, -shortfall),
+    let (axis, side, time, margin, share) = match *verdict {
+        Verdict::None => (0, None, 0.0, 0.0, 0.0),
+        Verdict::Feasible { margin, axis, time } => (axis, Some(Side::Upper), time, margin, 0.0),
+        Verdict::AtRisk { axis, time, excess, share } => (axis, Some(Side::Upper), time, -excess, share),
+        Verdict::Infeasible { axis, side, time, shortfall } => (axis, Some(side), time, -shortfall, 0.0),
     };
     command.verdict_axis = axis as u32;
     command.verdict_side = Side::code_of(side);
     command.verdict_time_s = time;
     command.verdict_margin = margin;
+    command.verdict_share = share;
 }
 
 /// `values` followed by zeros.

@@ -48,6 +48,7 @@ impl ServiceThread {
             response.verdict_side = last.verdict_side;
             response.verdict_margin = last.verdict_margin;
             response.verdict_time_s = last.verdict_time_s;
+            response.verdict_share = last.verdict_share;
             response.wrench = self.diagnostics.wrench();
             response.velocity_offset = last.velocity_offset;
             response.contact_point = sample.contact_point;

@@ -208,7 +208,7 @@ ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, follows_joint_velocity) ==
 ADMITTANCED_ASSERT(offsetof(admittanced_state_sample, joint_velocity_reference) == 408, "admittanced_state_sample.joint_velocity_reference");
 
 /* The answer to one state sample: the velocity offset, the plan behind it, and why. Written by admittanced. */
-#define ADMITTANCED_COMMAND_SAMPLE_TYPE_NAME "admittanced.CommandSample.v2"
+#define ADMITTANCED_COMMAND_SAMPLE_TYPE_NAME "admittanced.CommandSample.v3"
 typedef struct admittanced_command_sample {
     /* Number of this command; restarts at 1 with a new boot_id. Unit: 1. Range: >= 1, one more with every command. */
     uint64_t sequence;
@@ -254,8 +254,10 @@ typedef struct admittanced_command_sample {
     uint32_t plan_length;
     /* Time from the state sample to the predicted peak (feasible) or to the first row that cannot be met (infeasible). Unit: s. Range: >= 0, finite. */
     double verdict_time_s;
-    /* Feasible: limit minus predicted peak. Infeasible: minus the newtons missing. Unit: N (N m on rx ry rz). Range: finite. */
+    /* Feasible: limit minus predicted peak. Infeasible: minus the newtons missing. AtRisk: minus the newtons by which the worst that may be there exceeds the limit. Unit: N (N m on rx ry rz). Range: finite. */
     double verdict_margin;
+    /* AtRisk: the share of all that may be there that cannot be kept below the limit; contact.risk says from which on to stop. 0 otherwise. Unit: 1. Range: 0 to 1. */
+    double verdict_share;
     /* Velocity offset to add to the twist reference, base frame, at the TCP. It counts when motion = Offset. Unit: m/s, rad/s. Range: finite. */
     double velocity_offset[6];
     /* Joint-space image of the velocity offset at the measured pose: inverse Jacobian times velocity_offset. To a controller with follows_joint_velocity = 1: what its joints add to joint_velocity_reference, so that they move as the daemon's [redundancy] has it; 0 while the daemon is not in control. Unit: rad/s or m/s. Range: finite. */
@@ -269,7 +271,7 @@ typedef struct admittanced_command_sample {
     /* To a controller with follows_joint_velocity = 1: the inverse Jacobian that joint_velocity_offset was made with, a row for each joint, over x y z rx ry rz in the base frame. In plan step i the joints add joint_velocity_offset plus it times (planned_offset[i] minus velocity_offset). 0 to others. Unit: rad/m, 1, or of a prismatic joint 1, m/rad. Range: finite. */
     double joint_per_twist[8][6];
 } admittanced_command_sample;
-ADMITTANCED_ASSERT(sizeof(admittanced_command_sample) == 2480, "admittanced_command_sample");
+ADMITTANCED_ASSERT(sizeof(admittanced_command_sample) == 2488, "admittanced_command_sample");
 ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_command_sample) == 8, "admittanced_command_sample");
 ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, sequence) == 0, "admittanced_command_sample.sequence");
 ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, stamp_ns) == 8, "admittanced_command_sample.stamp_ns");
@@ -294,12 +296,13 @@ ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, stop_reason) == 120, "ad
 ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, plan_length) == 124, "admittanced_command_sample.plan_length");
 ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, verdict_time_s) == 128, "admittanced_command_sample.verdict_time_s");
 ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, verdict_margin) == 136, "admittanced_command_sample.verdict_margin");
-ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, velocity_offset) == 144, "admittanced_command_sample.velocity_offset");
-ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, joint_velocity_offset) == 192, "admittanced_command_sample.joint_velocity_offset");
-ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, twist_command) == 256, "admittanced_command_sample.twist_command");
-ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, plan_end_ns) == 304, "admittanced_command_sample.plan_end_ns");
-ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, planned_offset) == 560, "admittanced_command_sample.planned_offset");
-ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, joint_per_twist) == 2096, "admittanced_command_sample.joint_per_twist");
+ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, verdict_share) == 144, "admittanced_command_sample.verdict_share");
+ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, velocity_offset) == 152, "admittanced_command_sample.velocity_offset");
+ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, joint_velocity_offset) == 200, "admittanced_command_sample.joint_velocity_offset");
+ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, twist_command) == 264, "admittanced_command_sample.twist_command");
+ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, plan_end_ns) == 312, "admittanced_command_sample.plan_end_ns");
+ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, planned_offset) == 568, "admittanced_command_sample.planned_offset");
+ADMITTANCED_ASSERT(offsetof(admittanced_command_sample, joint_per_twist) == 2104, "admittanced_command_sample.joint_per_twist");
 
 /* What only the simulated plant knows, unlike a real robot: true forces, and when commands became visible. Written by plant-sim only. */
 #define ADMITTANCED_TRUTH_SAMPLE_TYPE_NAME "admittanced.TruthSample.v1"
@@ -403,7 +406,7 @@ ADMITTANCED_ASSERT(offsetof(admittanced_request_sample, given) == 28, "admittanc
 ADMITTANCED_ASSERT(offsetof(admittanced_request_sample, values) == 32, "admittanced_request_sample.values");
 
 /* The daemon's answer to a request, with its state at that moment. Written by admittanced (service thread). */
-#define ADMITTANCED_RESPONSE_SAMPLE_TYPE_NAME "admittanced.ResponseSample.v3"
+#define ADMITTANCED_RESPONSE_SAMPLE_TYPE_NAME "admittanced.ResponseSample.v4"
 typedef struct admittanced_response_sample {
     /* id of the request. Unit: 1. Range: any. */
     uint64_t id;
@@ -473,10 +476,12 @@ typedef struct admittanced_response_sample {
     double believed_stiffness_band_n_m[2];
     /* Outward surface normal as it is believed to be, base frame, as in the record; 0 before the first cycle. Unit: 1. Range: finite. */
     double believed_normal[3];
+    /* AtRisk: the share that cannot be kept, as in the command sample. Unit: 1. Range: 0 to 1. */
+    double verdict_share;
     /* For a person: what was done, or why it was refused. Unit: UTF-8. Range: valid UTF-8 over text_length bytes, 0 after them. */
     uint8_t text[1024];
 } admittanced_response_sample;
-ADMITTANCED_ASSERT(sizeof(admittanced_response_sample) == 1464, "admittanced_response_sample");
+ADMITTANCED_ASSERT(sizeof(admittanced_response_sample) == 1472, "admittanced_response_sample");
 ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_response_sample) == 8, "admittanced_response_sample");
 ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, id) == 0, "admittanced_response_sample.id");
 ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, state_sequence) == 8, "admittanced_response_sample.state_sequence");
@@ -512,10 +517,11 @@ ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, verdict_side) == 388, "
 ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, believed_stiffness_n_m) == 392, "admittanced_response_sample.believed_stiffness_n_m");
 ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, believed_stiffness_band_n_m) == 400, "admittanced_response_sample.believed_stiffness_band_n_m");
 ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, believed_normal) == 416, "admittanced_response_sample.believed_normal");
-ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, text) == 440, "admittanced_response_sample.text");
+ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, verdict_share) == 440, "admittanced_response_sample.verdict_share");
+ADMITTANCED_ASSERT(offsetof(admittanced_response_sample, text) == 448, "admittanced_response_sample.text");
 
 /* Inputs and outputs of the daemon's law: everything that a replay or an inspection of a cycle needs. Written by admittanced (service thread). */
-#define ADMITTANCED_RECORD_SAMPLE_TYPE_NAME "admittanced.RecordSample.v6"
+#define ADMITTANCED_RECORD_SAMPLE_TYPE_NAME "admittanced.RecordSample.v7"
 typedef struct admittanced_record_sample {
     /* Number of this record; a reader that sees a gap has lost records. Restarts at 1 with a new boot_id. Unit: 1. Range: >= 1, one more with every record. */
     uint64_t sequence;
@@ -600,7 +606,7 @@ typedef struct admittanced_record_sample {
     /* Standard deviation of wrench where it follows from motor torques; 0 of a wrench that the state sample gives. Unit: N, N m. Range: >= 0. */
     double wrench_deviation[6];
 } admittanced_record_sample;
-ADMITTANCED_ASSERT(sizeof(admittanced_record_sample) == 3632, "admittanced_record_sample");
+ADMITTANCED_ASSERT(sizeof(admittanced_record_sample) == 3640, "admittanced_record_sample");
 ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_record_sample) == 8, "admittanced_record_sample");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, sequence) == 0, "admittanced_record_sample.sequence");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, now_ns) == 8, "admittanced_record_sample.now_ns");
@@ -637,15 +643,15 @@ ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, joint_velocity) == 400, "
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, joint_acceleration) == 464, "admittanced_record_sample.joint_acceleration");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, state) == 528, "admittanced_record_sample.state");
 ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, command) == 1000, "admittanced_record_sample.command");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, exceeded_count) == 3480, "admittanced_record_sample.exceeded_count");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_without_lag) == 3488, "admittanced_record_sample.wrench_without_lag");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_n_m) == 3536, "admittanced_record_sample.believed_stiffness_n_m");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_band_n_m) == 3544, "admittanced_record_sample.believed_stiffness_band_n_m");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_normal) == 3560, "admittanced_record_sample.believed_normal");
-ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_deviation) == 3584, "admittanced_record_sample.wrench_deviation");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, exceeded_count) == 3488, "admittanced_record_sample.exceeded_count");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_without_lag) == 3496, "admittanced_record_sample.wrench_without_lag");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_n_m) == 3544, "admittanced_record_sample.believed_stiffness_n_m");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_stiffness_band_n_m) == 3552, "admittanced_record_sample.believed_stiffness_band_n_m");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, believed_normal) == 3568, "admittanced_record_sample.believed_normal");
+ADMITTANCED_ASSERT(offsetof(admittanced_record_sample, wrench_deviation) == 3592, "admittanced_record_sample.wrench_deviation");
 
 /* How the daemon is doing: a few times a second. Written by admittanced (service thread). */
-#define ADMITTANCED_DIAGNOSTICS_SAMPLE_TYPE_NAME "admittanced.DiagnosticsSample.v4"
+#define ADMITTANCED_DIAGNOSTICS_SAMPLE_TYPE_NAME "admittanced.DiagnosticsSample.v5"
 typedef struct admittanced_diagnostics_sample {
     /* Number of this sample; restarts at 1 with a new boot_id. Unit: 1. Range: >= 1, one more with every sample. */
     uint64_t sequence;
@@ -727,8 +733,10 @@ typedef struct admittanced_diagnostics_sample {
     double believed_stiffness_band_n_m[2];
     /* Angle between the believed surface normal and the one in force; 0 where no tolerance of it is told. Unit: rad. Range: >= 0, finite. */
     double believed_tilt_rad;
+    /* Verdict share of the last command, as in the command sample. Unit: 1. Range: 0 to 1. */
+    double verdict_share;
 } admittanced_diagnostics_sample;
-ADMITTANCED_ASSERT(sizeof(admittanced_diagnostics_sample) == 600, "admittanced_diagnostics_sample");
+ADMITTANCED_ASSERT(sizeof(admittanced_diagnostics_sample) == 608, "admittanced_diagnostics_sample");
 ADMITTANCED_ASSERT(ADMITTANCED_ALIGNOF(admittanced_diagnostics_sample) == 8, "admittanced_diagnostics_sample");
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, sequence) == 0, "admittanced_diagnostics_sample.sequence");
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, stamp_ns) == 8, "admittanced_diagnostics_sample.stamp_ns");
@@ -770,6 +778,7 @@ ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, missed_lately) == 56
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, believed_stiffness_n_m) == 568, "admittanced_diagnostics_sample.believed_stiffness_n_m");
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, believed_stiffness_band_n_m) == 576, "admittanced_diagnostics_sample.believed_stiffness_band_n_m");
 ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, believed_tilt_rad) == 592, "admittanced_diagnostics_sample.believed_tilt_rad");
+ADMITTANCED_ASSERT(offsetof(admittanced_diagnostics_sample, verdict_share) == 600, "admittanced_diagnostics_sample.verdict_share");
 
 /* Where a program leads the TCP, for a motion controller that takes its commanded motion from here. It counts for valid_for_ns and no longer; then the controller comes to rest. Written by a program that leads, such as admittancectl move. */
 #define ADMITTANCED_TWIST_SAMPLE_TYPE_NAME "admittanced.TwistSample.v1"

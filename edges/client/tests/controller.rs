@@ -81,7 +81,7 @@ fn another_schema_is_refused_when_the_ports_are_opened() {
     let name = format!("admittanced/{}/command", place.instance).as_str().try_into().unwrap();
     let _service = other.service_builder(&name).publish_subscribe::<Foreign>().create().unwrap();
     let refused = Controller::open(&place, "controller", &ARM, 7).expect_err("another type");
-    assert!(refused.to_string().contains("admittanced.CommandSample.v2"), "{refused}");
+    assert!(refused.to_string().contains("admittanced.CommandSample.v3"), "{refused}");
     assert!(
         matches!(&refused, ControllerError::Open(OpenError::Service(ServiceError::WrongType { .. }))),
         "{refused:?}"

@@ -114,6 +114,6 @@ pub use docs::{KeyDoc, keys_markdown};
 pub use error::{ConfigError, ConfigErrors, LoadError, Problem};
 pub use file::{LARGEST_FILE, read_bytes, read_text};
 pub use parse::{load, parse};
-pub use plain::{escaped, fixed, short};
+pub use plain::{escaped, fixed, percent, short};
 pub use range::{Bounds, Limits, LimitsOf, NoRange, Number, Scalar};
 pub use value::{Choice, File, Key, Kind, Section, Value, join};

@@ -29,6 +29,12 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     }
 }
 
+/// A share in percent with two significant digits: "3.1 %", "0.021 %".
+pub fn percent(share: f64) -> String {
+    let rounded = format!("{:.1e}", 100.0 * share).parse().unwrap_or(100.0 * share);
+    format!("{} %", Number::Float(rounded))
+}
+
 /// The text with every fraction in it [`short`]; quoted texts and names stay as they are.
 pub(super) fn with_short_numbers(text: &str) -> String {
     let is_part = |character: char| character.is_ascii_alphanumeric() || "._+-".contains(character);
@@ -52,6 +58,12 @@ pub(super) fn with_short_numbers(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_share_is_a_percentage() {
+        let shares = [0.0, 0.000_213, 0.031_4, 0.997, 1.0].map(percent);
+        assert_eq!(shares, ["0 %", "0.021 %", "3.1 %", "100 %", "100 %"]);
+    }
 
     #[test]
     fn numbers_are_short_and_texts_stay() {

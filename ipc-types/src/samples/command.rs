@@ -6,7 +6,7 @@ use crate::{MAX_JOINTS, MAX_PLAN, TASK_AXES};
 
 wire_sample! {
     /// The answer to one state sample: the velocity offset, the plan behind it, and why.
-    struct CommandSample: "admittanced.CommandSample.v2", size 2480, writer "admittanced" {
+    struct CommandSample: "admittanced.CommandSample.v3", size 2488, writer "admittanced" {
         0 sequence: u64 ["1", ">= 1, one more with every command"]
             "Number of this command; restarts at 1 with a new boot_id.";
         8 stamp_ns: u64 ["ns", "CLOCK_MONOTONIC, increasing"]
@@ -56,21 +56,25 @@ wire_sample! {
             "Time from the state sample to the predicted peak (feasible) or to the first row that cannot be met \
              (infeasible).";
         136 verdict_margin: f64 ["N (N m on rx ry rz)", "finite"]
-            "Feasible: limit minus predicted peak. Infeasible: minus the newtons missing.";
-        144 velocity_offset: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
+            "Feasible: limit minus predicted peak. Infeasible: minus the newtons missing. AtRisk: minus the newtons by which the \
+             worst that may be there exceeds the limit.";
+        144 verdict_share: f64 ["1", "0 to 1"]
+            "AtRisk: the share of all that may be there that cannot be kept below the limit; contact.risk says from which on \
+             to stop. 0 otherwise.";
+        152 velocity_offset: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
             "Velocity offset to add to the twist reference, base frame, at the TCP. It counts when motion = Offset.";
-        192 joint_velocity_offset: [f64; MAX_JOINTS] ["rad/s or m/s", "finite"]
+        200 joint_velocity_offset: [f64; MAX_JOINTS] ["rad/s or m/s", "finite"]
             "Joint-space image of the velocity offset at the measured pose: inverse Jacobian times velocity_offset. To a \
              controller with follows_joint_velocity = 1: what its joints add to joint_velocity_reference, so that they move \
              as the daemon's [redundancy] has it; 0 while the daemon is not in control.";
-        256 twist_command: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
+        264 twist_command: [f64; TASK_AXES] ["m/s, rad/s", "finite"]
             "Twist reference of the answered sample plus velocity_offset; zero when motion = Hold.";
-        304 plan_end_ns: [u64; MAX_PLAN] ["ns", "increasing over the first plan_length values, 0 after them"]
+        312 plan_end_ns: [u64; MAX_PLAN] ["ns", "increasing over the first plan_length values, 0 after them"]
             "End of each plan step, counted from the instant at which this command acts (state_stamp_ns plus the \
              command delay); step i is in force from the end of step i - 1 (0 for the first) to its own end.";
-        560 planned_offset: [[f64; TASK_AXES]; MAX_PLAN] ["m/s, rad/s", "finite; 0 after plan_length steps"]
+        568 planned_offset: [[f64; TASK_AXES]; MAX_PLAN] ["m/s, rad/s", "finite; 0 after plan_length steps"]
             "Velocity offset of each plan step, like velocity_offset, which equals the first step.";
-        2096 joint_per_twist: [[f64; TASK_AXES]; MAX_JOINTS] ["rad/m, 1, or of a prismatic joint 1, m/rad", "finite"]
+        2104 joint_per_twist: [[f64; TASK_AXES]; MAX_JOINTS] ["rad/m, 1, or of a prismatic joint 1, m/rad", "finite"]
             "To a controller with follows_joint_velocity = 1: the inverse Jacobian that joint_velocity_offset was made with, a \
              row for each joint, over x y z rx ry rz in the base frame. In plan step i the joints add joint_velocity_offset \
              plus it times (planned_offset[i] minus velocity_offset). 0 to others.";

@@ -6,7 +6,7 @@ use crate::{QUANTILES, TASK_AXES};
 
 wire_sample! {
     /// How the daemon is doing: a few times a second.
-    struct DiagnosticsSample: "admittanced.DiagnosticsSample.v4", size 600, writer "admittanced (service thread)" {
+    struct DiagnosticsSample: "admittanced.DiagnosticsSample.v5", size 608, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every sample"]
             "Number of this sample; restarts at 1 with a new boot_id.";
         8 stamp_ns: u64 ["ns", "CLOCK_MONOTONIC, increasing"]
@@ -93,5 +93,7 @@ wire_sample! {
             "Least and greatest that it may be, as in the record.";
         592 believed_tilt_rad: f64 ["rad", ">= 0, finite"]
             "Angle between the believed surface normal and the one in force; 0 where no tolerance of it is told.";
+        600 verdict_share: f64 ["1", "0 to 1"]
+            "Verdict share of the last command, as in the command sample.";
     }
 }

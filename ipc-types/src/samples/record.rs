@@ -8,7 +8,7 @@ use crate::{MAX_JOINTS, TASK_AXES};
 wire_sample! {
     /// Inputs and outputs of the daemon's law: everything that a replay or an inspection of a cycle
     /// needs.
-    struct RecordSample: "admittanced.RecordSample.v6", size 3632, writer "admittanced (service thread)" {
+    struct RecordSample: "admittanced.RecordSample.v7", size 3640, writer "admittanced (service thread)" {
         0 sequence: u64 ["1", ">= 1, one more with every record"]
             "Number of this record; a reader that sees a gap has lost records. Restarts at 1 with a new boot_id.";
         8 now_ns: u64 ["ns", "CLOCK_MONOTONIC, not decreasing"]
@@ -85,21 +85,21 @@ wire_sample! {
             "The state sample that was answered; all zero without one.";
         1000 command: CommandSample ["see CommandSample", "see CommandSample"]
             "The last command: of Sample and Silence the one that answered, once a first state sample had come.";
-        3480 exceeded_count: u64 ["1", ">= 0"]
+        3488 exceeded_count: u64 ["1", ">= 0"]
             "State samples since the start of admittanced whose wrench_without_lag was beyond the force limit of an axis by \
              more than the tolerance of the limit and the noise that was told.";
-        3488 wrench_without_lag: [f64; TASK_AXES] ["N, N m", "finite"]
+        3496 wrench_without_lag: [f64; TASK_AXES] ["N, N m", "finite"]
             "The wrench with the lag of its estimate taken out: mean over the last cycles, as many as its noise needs; 0 \
              where the sample did not reach the law.";
-        3536 believed_stiffness_n_m: f64 ["N/m", ">= 0"]
+        3544 believed_stiffness_n_m: f64 ["N/m", ">= 0"]
             "Stiffness along the normal as it is believed to be after this cycle.";
-        3544 believed_stiffness_band_n_m: [f64; 2] ["N/m", ">= 0"]
+        3552 believed_stiffness_band_n_m: [f64; 2] ["N/m", ">= 0"]
             "Least and greatest stiffness that it may be: one standard deviation where a range of it was told, and else that \
              stiffness.";
-        3560 believed_normal: [f64; 3] ["1", "finite"]
+        3568 believed_normal: [f64; 3] ["1", "finite"]
             "Outward surface normal as it is believed to be after this cycle, base frame: surface_normal, unless a tolerance \
              of it was told.";
-        3584 wrench_deviation: [f64; TASK_AXES] ["N, N m", ">= 0"]
+        3592 wrench_deviation: [f64; TASK_AXES] ["N, N m", ">= 0"]
             "Standard deviation of wrench where it follows from motor torques; 0 of a wrench that the state sample gives.";
     }
 }

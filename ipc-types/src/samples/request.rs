@@ -28,7 +28,7 @@ wire_sample! {
 
 wire_sample! {
     /// The daemon's answer to a request, with its state at that moment.
-    struct ResponseSample: "admittanced.ResponseSample.v3", size 1464, writer "admittanced (service thread)" {
+    struct ResponseSample: "admittanced.ResponseSample.v4", size 1472, writer "admittanced (service thread)" {
         0 id: u64 ["1", "any"]
             "id of the request.";
         8 state_sequence: u64 ["1", ">= 0"]
@@ -99,7 +99,9 @@ wire_sample! {
             "Least and greatest stiffness that it may be, as in the record.";
         416 believed_normal: [f64; 3] ["1", "finite"]
             "Outward surface normal as it is believed to be, base frame, as in the record; 0 before the first cycle.";
-        440 text: [u8; TEXT_LENGTH] ["UTF-8", "valid UTF-8 over text_length bytes, 0 after them"]
+        440 verdict_share: f64 ["1", "0 to 1"]
+            "AtRisk: the share that cannot be kept, as in the command sample.";
+        448 text: [u8; TEXT_LENGTH] ["UTF-8", "valid UTF-8 over text_length bytes, 0 after them"]
             "For a person: what was done, or why it was refused.";
     }
 }

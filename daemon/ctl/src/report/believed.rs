@@ -3,6 +3,7 @@
 
 use std::ops::Range;
 
+use admittance_host::config::percent;
 use ipc_types::{RecordSample, Verdict};
 
 use super::chart::{Chart, Line, Panel};
@@ -23,8 +24,8 @@ struct Belief {
     normal: [f64; 3],
     told_normal: [f64; 3],
     tool_m: [f64; 3],
-    /// Newtons above the limit of the worst surface that may be there, where some can't be kept.
-    at_risk_n: Option<f64>,
+    /// Where some of the surfaces that may be there can't be kept: newtons of the worst above the limit, and their share.
+    at_risk: Option<(f64, f64)>,
     in_contact: bool,
     /// Between the normal and the one that was told, degrees.
     tilt_deg: f64,
@@ -75,7 +76,8 @@ impl Beliefs {
             normal: record.believed_normal,
             told_normal: record.surface_normal,
             tool_m: *tool_m,
-            at_risk_n: (command.verdict == Verdict::AtRisk.code()).then_some(-command.verdict_margin),
+            at_risk: (command.verdict == Verdict::AtRisk.code())
+                .then_some((-command.verdict_margin, command.verdict_share)),
             in_contact: command.active_axes != 0,
             tilt_deg: record.believed_tilt_rad().to_degrees(),
         });
@@ -101,7 +103,7 @@ impl Beliefs {
         };
         let unknown = touched.iter().rposition(|belief| !is_known(belief)).map_or(0, |index| index + 1);
         let known_ms = touched.get(unknown).map(|belief| 1e3 * (belief.time_s - touched[0].time_s));
-        let at_risk: Vec<f64> = touched.iter().filter_map(|belief| belief.at_risk_n).collect();
+        let at_risk: Vec<(f64, f64)> = touched.iter().filter_map(|belief| belief.at_risk).collect();
         let [least, most] = last.band_n_m;
         let tilt = touched.iter().any(|belief| belief.tilt_deg > 0.0).then(|| {
             let what = "tilt believed at the end of the contact, against the normal that was told".to_owned();
@@ -117,9 +119,11 @@ impl Beliefs {
                 known_ms.map_or("never".to_owned(), |time| format!("{time:.1} ms")),
             ),
             (
-                "cycles at risk: some surface that might be there could not be kept below the limit".to_owned(),
-                match at_risk.iter().copied().reduce(f64::max) {
-                    Some(worst) => format!("{}, the worst by {worst:.1} N", at_risk.len()),
+                "cycles at risk: some of the surfaces that might be there could not be kept below the limit".to_owned(),
+                match at_risk.iter().copied().reduce(|a, b| (a.0.max(b.0), a.1.max(b.1))) {
+                    Some((worst_n, share)) => {
+                        format!("{}, at most {} of them, the worst by {worst_n:.1} N", at_risk.len(), percent(share))
+                    }
                     None => "none".to_owned(),
                 },
             ),
@@ -178,6 +182,7 @@ mod tests {
         (record.believed_normal, record.contact_point) = ([0.0, 1.0, 0.0], [1.0, -depth_m, 0.0]);
         record.surface_normal = [0.1_f64.sin(), 0.1_f64.cos(), 0.0];
         (record.command.verdict, record.command.verdict_margin) = (verdict.code(), -7.5);
+        record.command.verdict_share = 0.25;
         record.command.active_axes = u32::from(verdict != Verdict::None);
         record
     }
@@ -200,7 +205,10 @@ mod tests {
         // f̂ fades: still in contact, and the softest surface is supposed.
         beliefs.add(&record(1e4, [9e4, 1.1e5], 0.001, Verdict::Feasible), 0.024, &TOOL_M);
         let values: Vec<String> = beliefs.rows().into_iter().map(|(_, value)| value).collect();
-        assert_eq!(values, ["100000 (90000 to 110000)", "8.0 ms", "2, the worst by 7.5 N", "5.7 degrees"]);
+        assert_eq!(
+            values,
+            ["100000 (90000 to 110000)", "8.0 ms", "2, at most 25 % of them, the worst by 7.5 N", "5.7 degrees"]
+        );
         let chart = beliefs.chart(-0.01..0.1, true).unwrap();
         // 1 mm along the normal that is believed in is more along the told one.
         let (time_s, deeper_mm) = chart.panels[1].lines[0].points[1];

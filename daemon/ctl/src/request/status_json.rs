@@ -138,6 +138,9 @@ keys! {
         |said| of_verdict(said, |of| of.verdict_margin.into()), if present;
     verdict_time_s: number, "s, from the state sample to what the verdict speaks of; with a verdict alone.",
         |said| of_verdict(said, |of| of.verdict_time_s.into()), if present;
+    verdict_share: number, "1, 0 to 1: of AtRisk, the share of what may be there that can't be kept below the limit; else 0; with a \
+        verdict alone.",
+        |said| of_verdict(said, |of| of.verdict_share.into()), if present;
     wrench: axes, "N, N m: wrench of the last accepted state sample as the law sees it, robot on environment, at the TCP, task \
         frame.", |said| said.response.wrench.to_vec();
     wrench_bias: axes, "N, N m: bias in force, as the sensor gives the wrench.", |said| said.response.wrench_bias.to_vec();
@@ -234,7 +237,7 @@ mod tests {
 
     #[test]
     fn without_a_verdict_nothing_is_said_of_it() {
-        let of_verdict = ["verdict_axis", "verdict_side", "verdict_margin", "verdict_time_s"];
+        let of_verdict = ["verdict_axis", "verdict_side", "verdict_margin", "verdict_time_s", "verdict_share"];
         let (none, some) = (said(Verdict::None), said(Verdict::Feasible));
         assert_eq!((&none["verdict"], &none["active_axes"]), (&"None".into(), &json!(["y"])));
         assert!(of_verdict.iter().all(|key| none.get(key).is_none()) && none["sample_age_ns"] == 2_000, "{none}");

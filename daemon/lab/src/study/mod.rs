@@ -49,7 +49,8 @@ enum What {
         Timid: infeasible though attainable, at once or later. Withdrawn: feasible first, infeasible later. The same seed gives the same \
         answer, whatever the number of threads.\n\n\
         With --surface, of contacts apart from brief ones and those over the limit at the first active sample: safe: every verdict was; \
-        at_risk: not stopped, and a verdict was; infeasible: stopped. safe_then_over: over the limit in a cycle whose verdict was safe, \
+        at_risk: not stopped, and a verdict was (at_risk_share: the largest share of what may be there that could not be kept, and \
+        at_risk_excess_n by how much the worst was over); infeasible: stopped. safe_then_over: over the limit in a cycle whose verdict was safe, \
         stopped later or not; withdrawn_then_over: safe at first, over after a later verdict was not. over_at_risk: accepted, \
         attainable and over all the same. stop_peak_max: of stops, over the limit or the attainable peak. avoidable_losses: contacts \
         lost that some input keeps. known_after_ms: until stiffness (20 %) and depth (50 um) are known. settled_error_n: true force at \

@@ -55,6 +55,9 @@ pub(crate) struct Figures {
     safe: u32,
     at_risk: u32,
     infeasible: u32,
+    /// Of contacts that were at risk and not stopped: the largest share that could not be kept, and the newtons of the worst.
+    at_risk_share: Option<ToP95>,
+    at_risk_excess_n: Option<ToP95>,
     /// Of the attainable those that were not stopped.
     accepted_attainable: u32,
     accepted_of_attainable: f64,
@@ -84,6 +87,16 @@ pub(crate) struct Figures {
     examples: Examples,
 }
 
+/// What percentiles are taken of, a value a contact.
+#[derive(Default)]
+struct Values {
+    known_after_s: Vec<f64>,
+    settled_error_n: Vec<f64>,
+    believed_error_n: Vec<f64>,
+    risk_share: Vec<f64>,
+    risk_excess_n: Vec<f64>,
+}
+
 fn percentile(values: &mut [f64], share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(((share * values.len() as f64).ceil() as usize).max(1) - 1).copied()
@@ -110,6 +123,8 @@ impl Figures {
             safe: 0,
             at_risk: 0,
             infeasible: 0,
+            at_risk_share: None,
+            at_risk_excess_n: None,
             accepted_attainable: 0,
             accepted_of_attainable: f64::NAN,
             accepted_unattainable: 0,
@@ -127,26 +142,30 @@ impl Figures {
             believed_error_n: None,
             examples: Examples::default(),
         };
-        let (mut known, mut errors, mut believed) = (Vec::new(), Vec::new(), Vec::new());
+        let mut values = Values::default();
         for case in cases {
             match &case.seen {
-                Ok(seen) => figures.count(case, seen, [&mut known, &mut errors, &mut believed]),
+                Ok(seen) => figures.count(case, seen, &mut values),
                 Err(_) => figures.apart += 1,
             }
         }
         figures.accepted_of_attainable = f64::from(figures.accepted_attainable) / f64::from(figures.attainable);
+        let known = &mut values.known_after_s;
         figures.known = known.len() as u32;
-        figures.known_after_ms = percentile(&mut known, 0.5)
-            .zip(percentile(&mut known, 0.9))
+        figures.known_after_ms = percentile(known, 0.5)
+            .zip(percentile(known, 0.9))
             .map(|(p50, p90)| ToP90 { p50: p50 * 1e3, p90: p90 * 1e3 });
         let to_p95 = |values: &mut [f64]| {
             percentile(values, 0.5).zip(percentile(values, 0.95)).map(|(p50, p95)| ToP95 { p50, p95 })
         };
-        (figures.settled_error_n, figures.believed_error_n) = (to_p95(&mut errors), to_p95(&mut believed));
+        figures.settled_error_n = to_p95(&mut values.settled_error_n);
+        figures.believed_error_n = to_p95(&mut values.believed_error_n);
+        figures.at_risk_share = to_p95(&mut values.risk_share);
+        figures.at_risk_excess_n = to_p95(&mut values.risk_excess_n);
         figures
     }
 
-    fn count(&mut self, case: &Case, seen: &Seen, [known, errors, believed]: [&mut Vec<f64>; 3]) {
+    fn count(&mut self, case: &Case, seen: &Seen, values: &mut Values) {
         let limit = case.draw.normal_force_limit_n();
         let (Some(first), Some(attainable_n)) = (&seen.first_active, case.attainable_n) else {
             self.apart += 1;
@@ -160,7 +179,11 @@ impl Figures {
         self.attainable += u32::from(is_attainable);
         match (seen.accepted(), seen.was_safe()) {
             (_, true) => self.safe += 1,
-            (true, false) => self.at_risk += 1,
+            (true, false) => {
+                self.at_risk += 1;
+                values.risk_share.push(seen.risk_share);
+                values.risk_excess_n.push(seen.risk_excess_n);
+            }
             (false, false) => self.infeasible += 1,
         }
         self.outside_range += u32::from(seen.stop_reason == StopReason::SurfaceOutsideRange.code());
@@ -196,10 +219,10 @@ impl Figures {
                 example(&mut self.examples.lost, case);
             }
         }
-        known.extend(seen.known_after_s);
+        values.known_after_s.extend(seen.known_after_s);
         let error = case.settled_error_n(seen);
-        errors.push(error);
-        believed.push(seen.believed_error_n);
+        values.settled_error_n.push(error);
+        values.believed_error_n.push(seen.believed_error_n);
         if error > 3.0 {
             example(&mut self.examples.unsettled, case);
         }
@@ -256,7 +279,7 @@ mod tests {
             (0.8, &|draw| safe(draw, 0.9)),
             (0.8, &|draw| Seen { contact_losses: 1, ..safe(draw, 0.9) }),
             (1.2, &|draw| Seen { contact_losses: 1, ..safe(draw, 0.9) }),
-            (0.8, &|draw| Seen { peak_after_safe_n: 0.0, ..at_risk(draw, 0.9) }),
+            (0.8, &|draw| Seen { peak_after_safe_n: 0.0, risk_share: 0.1, risk_excess_n: 7.0, ..at_risk(draw, 0.9) }),
             (0.8, &|draw| Seen { peak_after_safe_n: 0.0, ..at_risk(draw, 1.2) }),
             (0.8, &|draw| Seen { stop_reason: stopped, infeasible_cycles: 1, ..at_risk(draw, 0.9) }),
             (1.2, &|draw| Seen { stop_reason: StopReason::SurfaceOutsideRange.code(), ..at_risk(draw, 1.5) }),
@@ -267,6 +290,8 @@ mod tests {
         assert_eq!((figures.safe, figures.at_risk, figures.infeasible), (3, 2, 2));
         assert_eq!((figures.attainable, figures.accepted_attainable, figures.accepted_unattainable), (5, 4, 1));
         assert_eq!((figures.losses, figures.avoidable_losses), (1, 1), "an unattainable contact has no losses");
+        let (share, excess_n) = (figures.at_risk_share.unwrap(), figures.at_risk_excess_n.unwrap());
+        assert_eq!((share.p50, share.p95, excess_n.p50, excess_n.p95), (0.0, 0.1, 0.0, 7.0));
         assert_eq!((figures.over_at_risk, figures.examples.over_at_risk.as_slice()), (1, [4].as_slice()));
         assert!((figures.over_at_risk_max - 1.2).abs() < 1e-9 && (figures.stop_peak_max - 1.25).abs() < 1e-9);
         assert_eq!((figures.outside_range, figures.examples.refused.as_slice()), (1, [5].as_slice()));

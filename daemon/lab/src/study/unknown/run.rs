@@ -26,6 +26,9 @@ pub(super) struct Seen {
     pub(super) safe_cycles: u32,
     pub(super) at_risk_cycles: u32,
     pub(super) infeasible_cycles: u32,
+    /// Largest share, and newtons above the limit, of those that were at risk.
+    pub(super) risk_share: f64,
+    pub(super) risk_excess_n: f64,
     /// Largest force from the first active sample on.
     pub(super) peak_n: f64,
     /// The same until the next sample after those whose verdict was safe, stopped or not.
@@ -105,7 +108,11 @@ pub(super) fn run(
         seen.contact_losses = truth.contact_losses - losses_before;
         seen.resting_n = truth.normal_force_n;
         seen.safe_cycles += u32::from(command.verdict == Verdict::Feasible.code());
-        seen.at_risk_cycles += u32::from(command.verdict == Verdict::AtRisk.code());
+        if command.verdict == Verdict::AtRisk.code() {
+            seen.at_risk_cycles += 1;
+            seen.risk_share = seen.risk_share.max(command.verdict_share);
+            seen.risk_excess_n = seen.risk_excess_n.max(-command.verdict_margin);
+        }
         let belief = run.cycle.belief();
         // Where the tool is, so that a normal that was learned counts as one that was told.
         let depth = |normal: &[f64], point: &[f64]| -> f64 {
@@ -123,12 +130,13 @@ pub(super) fn run(
         }
         let shown = -(normal[0] * state.wrench[0] + normal[1] * state.wrench[1]);
         told(format!(
-            "{:8.3} ms  f̂ {shown:8.3}  f {:8.3} (peak {:8.3})  {} {:8.3} N  k {ratio:7.4}  c {:8.2} um  [{:.3e} {:.3e}]  offset {:7.4}",
+            "{:8.3} ms  f̂ {shown:8.3}  f {:8.3} (peak {:8.3})  {} {:8.3} N {:6.4}  k {ratio:7.4}  c {:8.2} um  [{:.3e} {:.3e}]  offset {:7.4}",
             since_s * 1e3,
             truth.normal_force_n,
             truth.peak_normal_force_n,
             Verdict::name_of(command.verdict),
             command.verdict_margin,
+            command.verdict_share,
             error_m * 1e6,
             belief.stiffness_band.0,
             belief.stiffness_band.1,
