@@ -127,11 +127,23 @@ fn exact<const N: usize, const D: usize>(
     wrench_time_constant: &SVector<f64, D>,
 ) -> Step<N, D> {
     let mut step = Step::standing(duration, carried_by(loops));
-    step.wrench_decay = wrench_time_constant.map(|t| if t > 0.0 { libm::exp(-duration / t) } else { 0.0 });
+    // Axes that are alike decay alike, and joints that are alike move alike: what they share is computed once.
+    for axis in 0..D {
+        let lag = wrench_time_constant[axis];
+        step.wrench_decay[axis] = match axis.checked_sub(1) {
+            Some(before) if wrench_time_constant[before] == lag => step.wrench_decay[before],
+            _ if lag > 0.0 => libm::exp(-duration / lag),
+            _ => 0.0,
+        };
+    }
+    let mut alike = None;
+    let (mut whole, mut estimates) = (Motion::default(), [Estimate::default(); D]);
     for joint in 0..N {
-        let order = Order::of(loops, joint);
-        let waits = dead_time[joint].min(duration);
-        let [before, after, whole] = motions(duration, waits, order);
+        let (order, waits) = (Order::of(loops, joint), dead_time[joint].min(duration));
+        if alike != Some((order, waits)) {
+            (whole, estimates) = moved(duration, waits, order, wrench_time_constant);
+            alike = Some((order, waits));
+        }
         for to in 0..2 {
             for from in 0..2 {
                 step.carried_by[to][from][joint] = whole.carried_by[to][from];
@@ -144,14 +156,7 @@ fn exact<const N: usize, const D: usize>(
         step.position_by_reference[joint] = whole.position_by_reference;
         // What is told during this step is the reference before the next.
         step.carried_by_reference[2][joint] = 1.0;
-        for axis in 0..D {
-            let lag = wrench_time_constant[axis];
-            let estimate = Estimate::over(duration - waits, order, lag, &after);
-            let estimate = if waits > 0.0 {
-                Estimate::over(waits, order, lag, &before).then(&before, &estimate)
-            } else {
-                estimate
-            };
+        for (axis, estimate) in estimates.iter().enumerate() {
             for from in 0..2 {
                 step.wrench_by[from][(joint, axis)] = estimate.by[from];
             }
@@ -160,6 +165,29 @@ fn exact<const N: usize, const D: usize>(
         }
     }
     step
+}
+
+/// What a joint does over a step during whose first `waits` s the reference before it acts, and what the
+/// estimate on each axis shows of it.
+fn moved<const D: usize>(
+    duration: f64,
+    waits: f64,
+    order: Order,
+    wrench_time_constant: &SVector<f64, D>,
+) -> (Motion, [Estimate; D]) {
+    let [before, after, whole] = motions(duration, waits, order);
+    let mut estimates = [Estimate::default(); D];
+    for axis in 0..D {
+        let lag = wrench_time_constant[axis];
+        estimates[axis] = match axis.checked_sub(1) {
+            Some(last) if wrench_time_constant[last] == lag => estimates[last],
+            _ => {
+                let estimate = Estimate::over(duration - waits, order, lag, &after);
+                if waits > 0.0 { Estimate::over(waits, order, lag, &before).then(&before, &estimate) } else { estimate }
+            }
+        };
+    }
+    (whole, estimates)
 }
 
 /// What a joint does while its reference waits, what it does afterwards, and both.
