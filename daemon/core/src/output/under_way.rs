@@ -95,12 +95,16 @@ impl<const D: usize> UnderWay<D> {
             if begun >= end {
                 return None;
             }
-            let reached = |joint: usize| move |(from, _): &&(Instant, _)| *from + dead_time[joint] <= begun;
+            let (mut next, mut reached) = (end, 0);
             let offset = core::array::from_fn(|joint| {
-                commands.iter().rfind(reached(joint)).map_or(Some(SVector::zeros()), |(_, offset)| *offset)
+                // Joints with one dead time are reached by the same commands: those before the next to come.
+                if joint == 0 || dead_time[joint] != dead_time[joint - 1] {
+                    let acts = |(from, _): &(Instant, _)| *from + dead_time[joint];
+                    reached = commands.iter().rposition(|command| acts(command) <= begun).map_or(0, |last| last + 1);
+                    next = commands.get(reached).map_or(next, |command| next.min(acts(command)));
+                }
+                reached.checked_sub(1).map_or(Some(SVector::zeros()), |last| commands[last].1)
             });
-            let changes = (0..N).flat_map(|joint| commands.iter().map(move |(from, _)| *from + dead_time[joint]));
-            let next = changes.filter(|change| *change > begun).fold(end, Instant::min);
             let stretch = Stretch { begun, duration: next.since(begun).seconds(), offset };
             begun = next;
             Some(stretch)
