@@ -213,3 +213,42 @@ pub(super) fn position_by<const N: usize>(duration: f64, loops: &VelocityLoops<N
     }
     by
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Vector1, Vector3, Vector5};
+
+    use super::*;
+
+    #[test]
+    fn joints_and_axes_that_are_alike_move_as_each_of_them_alone() {
+        let loops = VelocityLoops {
+            time_constant: Vector5::new(0.015, 0.015, 0.012, 0.012, 0.015),
+            damping: Vector5::new(0.0, 0.0, 0.0, 0.7, 0.0),
+            ..VelocityLoops::first_order(Vector5::repeat(0.01))
+        };
+        let (waits, lags) = (Vector5::new(0.0, 0.0002, 0.0002, 0.0002, 0.0), Vector3::new(0.02, 0.02, 0.0));
+        for duration in [0.0001, 0.001] {
+            let all = exact(duration, &loops, &waits, &lags);
+            for (joint, axis) in (0..5).flat_map(|joint| (0..3).map(move |axis| (joint, axis))) {
+                let own = VelocityLoops {
+                    time_constant: Vector1::new(loops.time_constant[joint]),
+                    damping: Vector1::new(loops.damping[joint]),
+                    ..VelocityLoops::first_order(Vector1::new(0.01))
+                };
+                let alone = exact(duration, &own, &Vector1::new(waits[joint]), &Vector1::new(lags[axis]));
+                assert_eq!(all.wrench_decay[axis], alone.wrench_decay[0]);
+                assert_eq!(all.position_by_reference[joint], alone.position_by_reference[0]);
+                assert_eq!(all.wrench_by_reference[(joint, axis)], alone.wrench_by_reference[(0, 0)]);
+                for from in 0..CARRIED {
+                    assert_eq!(all.position_by[from][joint], alone.position_by[from][0]);
+                    assert_eq!(all.wrench_by[from][(joint, axis)], alone.wrench_by[from][(0, 0)]);
+                    assert_eq!(all.carried_by_reference[from][joint], alone.carried_by_reference[from][0]);
+                    for to in 0..CARRIED {
+                        assert_eq!(all.carried_by[to][from][joint], alone.carried_by[to][from][0]);
+                    }
+                }
+            }
+        }
+    }
+}
