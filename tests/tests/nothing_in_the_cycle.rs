@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use admittance_host::clock::monotonic_ns;
 use admittance_host::exit::ExitCode;
-use admittance_runner::config::FrameName;
+use admittance_runner::config::{Config, ContactPointName, FrameName};
 use admittance_runner::cycle;
 use admittanced::probe::{ObservedThread, Probe};
 use end_to_end::closed_loop::{Experiment, MPC_DEFAULT};
@@ -116,18 +116,20 @@ impl Probe for Fence {
 /// Answers are never late and samples never stale: the plant's time passes as fast as both can
 /// compute.
 const NO_DEADLINE_S: f64 = 600.0;
+/// Of the stiffness, N/m, about that of the plant.
+const RANGE: [f64; 2] = [3e4, 3e5];
 /// How far in the past the plant's time begins: it never catches up with the clock's.
 const HEAD_START_NS: u64 = 120_000_000_000;
 
-/// The real-time thread against the plant, over real ports, for this many cycles in contact, in this task frame;
-/// every `change` cycles a reader of commands joins, or leaves.
-fn fenced(is_spoilt: bool, frame: FrameName, contact_cycles: u64, change: u64) -> &'static Seen {
+/// The real-time thread against the plant, over real ports, for this many cycles in contact, configured as
+/// `told`; every `change` cycles a reader of commands joins, or leaves.
+fn fenced(is_spoilt: bool, told: impl FnOnce(&mut Config), contact_cycles: u64, change: u64) -> &'static Seen {
     let ipc = PrivateIpc::new("planar");
     // It presses and slides, up and down: rows of the optimisation come and go.
     let phases: Vec<(f64, &[f64])> =
         (0..32).map(|phase| (0.5, if phase % 2 == 0 { &[0.05, -0.12][..] } else { &[-0.12, -0.05][..] })).collect();
     let mut experiment = Experiment::new(MPC_DEFAULT, PAPER_SCENARIO, 0.001).with_motion(&phases);
-    experiment.config.task.frame = frame;
+    told(&mut experiment.config);
     experiment.config.control.answer_budget_s = NO_DEADLINE_S;
     experiment.config.control.max_sample_age_s = NO_DEADLINE_S;
     let realtime = &mut experiment.config.realtime;
@@ -187,7 +189,7 @@ fn fenced(is_spoilt: bool, frame: FrameName, contact_cycles: u64, change: u64) -
 
 #[test]
 fn ten_thousand_contact_cycles_leave_the_heap_alone() {
-    let seen = fenced(false, FrameName::Base, 10_000, 1_500);
+    let seen = fenced(false, |_| {}, 10_000, 1_500);
     let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
     assert!(of(&seen.cycles) >= 10_000);
     assert_eq!((of(&seen.dirty), of(&seen.allocations)), (0, 0), "{seen:?}");
@@ -203,7 +205,22 @@ fn ten_thousand_contact_cycles_leave_the_heap_alone() {
 /// What the controller remembers is turned in each cycle.
 #[test]
 fn a_frame_that_turns_with_the_tool_leaves_the_heap_alone() {
-    let seen = fenced(false, FrameName::Tool, 3_000, 1_500);
+    let seen = fenced(false, |config| config.task.frame = FrameName::Tool, 3_000, 1_500);
+    let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+    assert!(of(&seen.cycles) >= 3_000);
+    assert_eq!((of(&seen.dirty), of(&seen.allocations)), (0, 0), "{seen:?}");
+}
+
+/// Touched and pressed on again and again: the belief is a set.
+#[test]
+fn a_range_of_the_stiffness_leaves_the_heap_alone() {
+    let range = |config: &mut Config| {
+        let environment = &mut config.environment;
+        environment.stiffness_range_n_m = Some(RANGE);
+        (environment.contact, environment.contact_point_m) = (ContactPointName::Detected, None);
+        environment.normal_tolerance_rad = 0.05;
+    };
+    let seen = fenced(false, range, 3_000, 1_500);
     let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
     assert!(of(&seen.cycles) >= 3_000);
     assert_eq!((of(&seen.dirty), of(&seen.allocations)), (0, 0), "{seen:?}");
@@ -211,8 +228,15 @@ fn a_frame_that_turns_with_the_tool_leaves_the_heap_alone() {
 
 #[test]
 fn the_fence_sees_a_cycle_that_allocates() {
-    let seen = fenced(true, FrameName::Base, 100, u64::MAX);
+    let seen = fenced(true, |_| {}, 100, u64::MAX);
     assert!(seen.dirty.load(Ordering::Relaxed) >= 100, "{seen:?}");
+}
+
+/// What the daemon is told of the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Told {
+    Stiffness,
+    Range,
 }
 
 /// A scenario that stays in contact for two seconds and more: time enough for observers.
@@ -226,9 +250,10 @@ fn long_contact() -> String {
     with_keys(PAPER_SCENARIO, &changes)
 }
 
-/// The default profile for it.
-fn patient(wait: &str) -> String {
-    let wait = format!("\"{wait}\"");
+/// The default profile for it; with a range of the stiffness, if that is what is `told`.
+fn patient(wait: &str, told: Told) -> String {
+    let (wait, range) = (format!("\"{wait}\""), format!("{RANGE:?}"));
+    let learned = [("environment.stiffness_range_n_m", range.as_str()), ("environment.contact_tolerance_m", "0.001")];
     let changes = [
         ("control.sampling_time_s", "0.01"),
         ("control.command_delay_s", "0.001"),
@@ -237,7 +262,8 @@ fn patient(wait: &str) -> String {
         ("realtime.require_realtime", "true"),
     ];
     let budget = ("control.answer_budget_s", "0.009");
-    with_keys(MPC_DEFAULT, &[&PATIENT, &changes[..], &[budget]].concat())
+    let learned = if told == Told::Range { &learned[..] } else { &[] };
+    with_keys(MPC_DEFAULT, &[&PATIENT, &changes[..], &[budget], learned].concat())
 }
 
 /// Fails when a busy machine made the daemon stop the arm.
@@ -264,12 +290,21 @@ fn page_faults(task: &Path) -> (u64, u64) {
 
 #[test]
 fn contact_takes_no_page_fault() {
+    takes_no_page_fault(Told::Stiffness);
+}
+
+#[test]
+fn contact_with_a_range_takes_no_page_fault() {
+    takes_no_page_fault(Told::Range);
+}
+
+fn takes_no_page_fault(told: Told) {
     undisturbed(|| {
         if !needs(Need::Root) {
             return;
         }
         let ipc = PrivateIpc::new("planar");
-        let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &patient("hybrid")));
+        let mut daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &patient("hybrid", told)));
         wait_for_log(&mut daemon, "real time: lock memory: done");
         let task = realtime_task(&daemon);
         let mut readings = Vec::new();
@@ -288,9 +323,9 @@ fn contact_takes_no_page_fault() {
 
 /// System calls of the real-time thread over a while in contact, by name, and the cycles in that
 /// while.
-fn system_calls(wait: &str) -> (BTreeMap<String, usize>, usize) {
+fn system_calls(wait: &str, told: Told) -> (BTreeMap<String, usize>, usize) {
     let ipc = PrivateIpc::new("planar");
-    let daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &patient(wait)));
+    let daemon = start_daemon(&ipc, &write(&ipc, "daemon.toml", &patient(wait, told)));
     let task = realtime_task(&daemon);
     let thread = task.file_name().and_then(|name| name.to_str()).expect("a number").to_owned();
     // A listener waits for commands: only then is there anything to notify.
@@ -335,9 +370,12 @@ fn the_real_time_thread_only_waits_and_notifies() {
         // that it was the last, and again that none has come meanwhile, to notify. `hybrid` comes
         // to blocking only when a sample is late.
         let event = &[("ppoll", 1), ("recvfrom", 3), ("sendto", 1)][..];
-        for (wait, accepted) in [("event", event), ("hybrid", &[event, &[("clock_nanosleep", 1)]].concat())] {
-            let (calls, cycles) = system_calls(wait);
-            println!("{wait}: {calls:?} in {cycles} cycles");
+        let hybrid = &[event, &[("clock_nanosleep", 1)]].concat()[..];
+        let waits =
+            [("event", event, Told::Stiffness), ("hybrid", hybrid, Told::Stiffness), ("event", event, Told::Range)];
+        for (wait, accepted, told) in waits {
+            let (calls, cycles) = system_calls(wait, told);
+            println!("{wait}, {told:?}: {calls:?} in {cycles} cycles");
             assert!(cycles >= 100, "{cycles} cycles watched");
             let total: usize = calls.values().sum();
             assert!(total > 0, "strace saw nothing");

@@ -1,15 +1,18 @@
 //! Steps the law through the samples of a contact at 1 kHz, and nothing else: instructions.py counts
 //! its instructions.
 //!
-//! `cycles ARM known|range ROUNDS`: two, six or seven joints, six of which all six directions give way or whose
+//! `cycles ARM known|range|both ROUNDS`: two, six or seven joints, six of which all six directions give way or whose
 //! task frame is the tool's, or the name of another robot's file, and what the controller is told of the stiffness.
+//! `both` times the one and the other in turns, cycle by cycle, and says what a range costs: the belief.
+
+use std::time::Instant as Clock;
 
 use admittance_core::quantities::Instant;
 use admittance_host::config::parse;
 use admittance_runner::config::{Config, ContactPointName, FrameName};
 use admittance_runner::cycle;
 use admittance_runner::virtual_time::VirtualTime;
-use ipc_types::{CommandSample, StateSample};
+use ipc_types::{CommandSample, Mode, StateSample};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
@@ -55,9 +58,13 @@ fn cell(joints: &str) -> Option<(&'static str, &'static str)> {
     })
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [joints, told, rounds] = arguments.as_slice() else { return Err("three arguments: JOINTS TOLD ROUNDS".into()) };
+/// What the controller is told, and the samples of the contact that this makes.
+struct Contact {
+    config: Config,
+    samples: Vec<StateSample>,
+}
+
+fn contact(joints: &str, told: &str) -> Result<Contact, Box<dyn std::error::Error>> {
     let (config, scenario) = cell(joints)
         .ok_or("accepted: two, six, six-all, six-tool, seven, scara, planar-three, gantry, rail, eight-joint")?;
     let mut config: Config = parse(config, "controller.toml")?;
@@ -90,14 +97,71 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let touched = touched.ok_or("nothing was touched")?;
     let samples = samples.get(touched - FREE..touched + IN_CONTACT).ok_or("the contact is too short")?;
+    Ok(Contact { config, samples: samples.to_vec() })
+}
 
-    let mut command = CommandSample::zeroed();
-    for _ in 0..rounds.parse::<u32>()? {
-        let mut cycle = cycle::build(&config)?;
-        for state in samples {
+impl Contact {
+    /// Answers every sample once; `answered` gets what `begin` gave before it.
+    fn round<T>(
+        &self,
+        begin: impl Fn() -> T,
+        mut answered: impl FnMut(&CommandSample, T),
+    ) -> Result<(), Box<dyn std::error::Error>> {
+        let mut command = CommandSample::zeroed();
+        let mut cycle = cycle::build(&self.config)?;
+        for state in &self.samples {
+            let begun = begin();
             cycle.answer(state, Instant::from_nanoseconds(state.stamp_ns), &mut || false, &mut command);
+            answered(&command, begun);
+        }
+        Ok(())
+    }
+}
+
+/// The median of times in ns, as µs.
+fn median_us(times: &mut [u64]) -> f64 {
+    times.sort_unstable();
+    times.get(times.len() / 2).map_or(f64::NAN, |time| *time as f64 * 1e-3)
+}
+
+/// Times cycles in contact with the stiffness known, and with a range of it, in turns.
+fn time_both(joints: &str, rounds: u32) -> Result<(), Box<dyn std::error::Error>> {
+    let contacts = [contact(joints, "known")?, contact(joints, "range")?];
+    let mut times = [Vec::new(), Vec::new()];
+    for _ in 0..rounds {
+        for (contact, times) in contacts.iter().zip(&mut times) {
+            contact.round(Clock::now, |command, begun| {
+                let took = begun.elapsed();
+                if command.mode == Mode::Contact.code() {
+                    times.push(took.as_nanos() as u64);
+                }
+            })?;
         }
     }
-    println!("{} cycles, the last one in mode {}", samples.len(), command.mode);
+    let [known, range] = times.each_mut().map(|times| median_us(times));
+    println!(
+        "{joints}: p50 of {} and {} cycles in contact: stiffness known {known:.2} us, a range {range:.2} us, \
+        {:+.2} us, times {:.2}",
+        times[0].len(),
+        times[1].len(),
+        range - known,
+        range / known
+    );
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [joints, told, rounds] = arguments.as_slice() else { return Err("three arguments: ARM TOLD ROUNDS".into()) };
+    let rounds = rounds.parse::<u32>()?;
+    if told == "both" {
+        return time_both(joints, rounds);
+    }
+    let contact = contact(joints, told)?;
+    let mut mode = None;
+    for _ in 0..rounds {
+        contact.round(|| (), |command, ()| mode = Some(command.mode))?;
+    }
+    println!("{} cycles, the last one in mode {mode:?}", contact.samples.len());
     Ok(())
 }

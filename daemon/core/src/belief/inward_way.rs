@@ -55,11 +55,13 @@ impl<const N: usize, const D: usize> WayObserver<N, D> {
         (under_way, beside): (&UnderWay<D>, &NullMotion<N>),
         surface: &Surface<D>,
     ) -> Option<Way> {
-        let last = self.last.replace((*sample, *motion));
-        let (last, before) = last.filter(|(last, _)| {
+        let last = self.last.as_ref().filter(|(last, _)| {
             !sample.arrival.is_new_run && sample.stamp > last.stamp && sample.stamp.since(last.stamp) <= LONGEST
-        })?;
-        self.way((&last, &before), (sample, motion), (under_way, beside), surface)
+        });
+        let way =
+            last.and_then(|(last, before)| self.way((last, before), (sample, motion), (under_way, beside), surface));
+        self.last = Some((*sample, *motion));
+        way
     }
 
     fn way(
@@ -81,8 +83,9 @@ impl<const N: usize, const D: usize> WayObserver<N, D> {
         let (mut velocity, mut acceleration) = (before.velocity, before.acceleration);
         let (mut depth, mut way) = (start, Way::new());
         let longest = PIECE.max(sample.stamp.since(last.stamp).seconds() / PIECES);
-        for stretch in under_way.between(last.stamp, sample.stamp, loops.dead_times()) {
-            let r = stretch.references(beside, loops.dead_times(), reference);
+        let dead_times = loops.dead_times();
+        for stretch in under_way.between(last.stamp, sample.stamp, dead_times) {
+            let r = stretch.references(beside, dead_times, reference);
             let pieces = libm::ceil(stretch.duration / longest - 1e-6).max(1.0);
             let duration = stretch.duration / pieces;
             let step = Discretization::Zoh.without_dead_time(duration, loops, &SVector::<f64, 0>::zeros());

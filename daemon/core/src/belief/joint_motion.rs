@@ -109,9 +109,9 @@ impl<const N: usize, const D: usize> JointObserver<N, D> {
         let (mut velocity, mut acceleration) = (self.motion.velocity, self.motion.acceleration);
         let mut shown = last.joint_velocity;
         let lag = loops.report_lag;
-        for stretch in under_way.between(last.stamp, sample.stamp, loops.dead_times()) {
-            let r = stretch.references(beside, loops.dead_times(), reference);
-            let by_lag = SVector::<f64, 1>::new(lag);
+        let (dead_times, by_lag) = (loops.dead_times(), SVector::<f64, 1>::new(lag));
+        for stretch in under_way.between(last.stamp, sample.stamp, dead_times) {
+            let r = stretch.references(beside, dead_times, reference);
             let step = Discretization::Zoh.without_dead_time(stretch.duration, loops, &by_lag);
             if lag > 0.0 {
                 // The filter of q̇ is the derivative of that of q: what q has done beyond it, over

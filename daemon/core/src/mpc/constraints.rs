@@ -99,13 +99,13 @@ impl<const N: usize> DriveBounds<N> {
 
 /// Everything that is bounded in one cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Constraints<const N: usize, const D: usize> {
+pub struct Constraints<'a, const N: usize, const D: usize> {
     /// s·f_lin at every force point.
     pub force: ForceBounds<D>,
     /// J⁻¹ (ṗ0 + Δṗ) in every step, rad/s.
     pub joint_speed: Option<Interval<N>>,
     /// Change of the references, and the change of that.
-    pub drives: Option<DriveBounds<N>>,
+    pub drives: Option<&'a DriveBounds<N>>,
     /// Where each joint would come to rest, q + T_V q̇, at the end of every step, rad: bounded
     /// itself, q could reach its limit at a speed.
     pub rest_position: Option<Interval<N>>,
@@ -117,7 +117,7 @@ pub struct Constraints<const N: usize, const D: usize> {
     pub normal_speed: Option<NormalSpeed<D>>,
 }
 
-impl<const N: usize, const D: usize> Constraints<N, D> {
+impl<const N: usize, const D: usize> Constraints<'_, N, D> {
     /// Only the force is bounded, as in the paper.
     pub fn of_force(force: ForceBounds<D>) -> Self {
         Self {
@@ -180,15 +180,16 @@ pub struct Row {
     pub instant: usize,
 }
 
-/// Rows of one kind: `components` at each of the instants `first..first + instants`.
+/// Rows of one kind: the first `len` of `components` at each of so many instants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Section<const C: usize> {
     components: [u8; C],
     len: usize,
-    first: usize,
     instants: usize,
     /// Row of the first.
     offset: usize,
+    /// The row behind the last.
+    end: usize,
 }
 
 /// Which row is which.
@@ -214,50 +215,44 @@ const KINDS: [RowKind; ROW_KINDS] = [
 impl Layout {
     /// The rows of these constraints over this horizon.
     pub fn new<const N: usize, const D: usize>(
-        constraints: &Constraints<N, D>,
+        constraints: &Constraints<'_, N, D>,
         horizon: &Horizon<N, D>,
         inputs: &InputAxes<D>,
         softened: Option<Softened>,
     ) -> Self {
         let steps = horizon.steps().len();
-        let none = Section { components: [0; 8], len: 0, first: 0, instants: 0, offset: 0 };
+        let none = Section { components: [0; 8], len: 0, instants: 0, offset: 0, end: 0 };
         let mut layout = Self { sections: [none; ROW_KINDS], rows: 0 };
-        let joints = [0, 1, 2, 3, 4, 5, 6, 7];
-        let mut inputs_of = [0; 8];
-        inputs_of.iter_mut().zip(inputs.as_slice()).for_each(|(to, axis)| *to = *axis);
-        let mut forced = [0; 8];
-        forced.iter_mut().zip(constraints.force.as_slice()).for_each(|(to, bound)| *to = bound.axis);
-        let m = inputs.as_slice().len();
-        layout.add(RowKind::JointSpeed, &joints[..if constraints.joint_speed.is_some() { N } else { 0 }], 0, steps);
-        let (driven, jerked) = constraints
-            .drives
-            .as_ref()
-            .map_or((0, 0), |drives| (N, drives.jerk_steps((0..steps).map(|step| horizon.since_change(step)))));
-        layout.add(RowKind::JointAcceleration, &joints[..driven], 0, steps);
-        layout.add(RowKind::JointJerk, &joints[..driven], 0, jerked);
-        layout.add(RowKind::Offset, &inputs_of[..if constraints.offset.is_some() { m } else { 0 }], 0, steps);
-        layout.add(RowKind::Rate, &inputs_of[..if constraints.rate.is_some() { m } else { 0 }], 0, steps);
-        layout.add(RowKind::NormalSpeed, &[0][..usize::from(constraints.normal_speed.is_some())], 0, steps);
-        let positions = if constraints.rest_position.is_some() { N } else { 0 };
-        layout.add(RowKind::RestPosition, &joints[..positions], 0, steps);
-        let points = horizon.force_points().len();
-        layout.add(RowKind::Force, &forced[..constraints.force.as_slice().len()], 0, points);
-        let softly = if softened == Some(Softened::Minimum) { constraints.force.as_slice().len() } else { 0 };
-        layout.add(RowKind::MinimumForce, &forced[..softly], 0, points);
-        layout.add(RowKind::Slack, &[0][..usize::from(softened.is_some())], 0, 1);
+        const JOINTS: [u8; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
+        const ONE: [u8; 8] = [0; 8];
+        let (mut inputs_of, mut forced) = ([0; 8], [0; 8]);
+        let (inputs, bounds) = (inputs.as_slice(), constraints.force.as_slice());
+        inputs_of.iter_mut().zip(inputs).for_each(|(to, axis)| *to = *axis as u8);
+        forced.iter_mut().zip(bounds).for_each(|(to, bound)| *to = bound.axis as u8);
+        let of = |count: usize, is_bounded: bool| if is_bounded { count } else { 0 };
+        let (points, driven) = (horizon.force_points().len(), of(N, constraints.drives.is_some()));
+        let lengths = (0..steps).map(|step| horizon.since_change(step));
+        let jerked = constraints.drives.map_or(0, |drives| drives.jerk_steps(lengths));
+        let softly = of(bounds.len(), softened == Some(Softened::Minimum));
+        layout.add(RowKind::JointSpeed, JOINTS, of(N, constraints.joint_speed.is_some()), steps);
+        layout.add(RowKind::JointAcceleration, JOINTS, driven, steps);
+        layout.add(RowKind::JointJerk, JOINTS, driven, jerked);
+        layout.add(RowKind::Offset, inputs_of, of(inputs.len(), constraints.offset.is_some()), steps);
+        layout.add(RowKind::Rate, inputs_of, of(inputs.len(), constraints.rate.is_some()), steps);
+        layout.add(RowKind::NormalSpeed, ONE, of(1, constraints.normal_speed.is_some()), steps);
+        layout.add(RowKind::RestPosition, JOINTS, of(N, constraints.rest_position.is_some()), steps);
+        layout.add(RowKind::Force, forced, bounds.len(), points);
+        layout.add(RowKind::MinimumForce, forced, softly, points);
+        layout.add(RowKind::Slack, ONE, of(1, softened.is_some()), 1);
         layout
     }
 
     // Called with constants: most of it is gone then.
     #[inline(always)]
-    fn add(&mut self, kind: RowKind, components: &[usize], first: usize, instants: usize) {
-        let section = &mut self.sections[kind as usize];
-        for (to, from) in section.components.iter_mut().zip(components) {
-            *to = *from as u8;
-        }
-        (section.len, section.first, section.instants) = (components.len(), first, instants);
-        section.offset = self.rows;
-        self.rows += components.len() * instants;
+    fn add(&mut self, kind: RowKind, components: [u8; 8], len: usize, instants: usize) {
+        let offset = self.rows;
+        self.rows += len * instants;
+        self.sections[kind as usize] = Section { components, len, instants, offset, end: self.rows };
     }
 
     /// Number of rows.
@@ -268,14 +263,15 @@ impl Layout {
     /// The rows of one kind.
     pub(crate) fn rows_of(&self, kind: RowKind) -> Range<usize> {
         let section = &self.sections[kind as usize];
-        section.offset..section.offset + section.len * section.instants
+        section.offset..section.end
     }
 
     /// Row of the first component of `kind` at `instant`; `None` where it has no rows.
+    // Asked in every step of every pass over the rows.
+    #[inline(always)]
     pub(crate) fn rows_at(&self, kind: RowKind, instant: usize) -> Option<usize> {
         let section = &self.sections[kind as usize];
-        let index = instant.checked_sub(section.first).filter(|index| *index < section.instants && section.len > 0)?;
-        Some(section.offset + index * section.len)
+        (instant < section.instants && section.len > 0).then(|| section.offset + instant * section.len)
     }
 
     /// Number of a row; `None` if there is no such row.
@@ -289,19 +285,18 @@ impl Layout {
     /// Last instant of a kind.
     pub(crate) fn last_instant(&self, kind: RowKind) -> usize {
         let section = &self.sections[kind as usize];
-        (section.first + section.instants).saturating_sub(1)
+        section.instants.saturating_sub(1)
     }
 
     /// What row number `number` bounds; `None` when there is no such row.
     pub fn row(&self, number: usize) -> Option<Row> {
         // Sections follow one another.
-        let is_before_end = |section: &Section<8>| number < section.offset + section.len * section.instants;
-        let (kind, section) = KINDS.into_iter().zip(&self.sections).find(|(_, section)| is_before_end(section))?;
+        let (kind, section) = KINDS.into_iter().zip(&self.sections).find(|(_, section)| number < section.end)?;
         let index = number - section.offset;
         Some(Row {
             kind,
             component: usize::from(section.components[index % section.len]),
-            instant: section.first + index / section.len,
+            instant: index / section.len,
         })
     }
 }

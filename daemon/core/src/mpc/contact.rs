@@ -258,10 +258,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             };
             bound.least[0] = bound.least[0].max(speed - surface.outward_speed(&known_twist[0]));
         }
-        if let Some(way) = &way {
+        let drives = way.map(|way| {
             let known = (known_twist, &*known_reference);
-            constraints.keep_drives(way, situation, options.steps(), known, &sample.twist_reference);
-        }
+            constraints.keep_drives(&way, situation, options.steps(), known, &sample.twist_reference)
+        });
+        constraints.drives = drives.as_ref();
         // (The deepest point of a set counts without the arm's turning.)
         let drift = if is_soft && !demand.settles && set.is_none() {
             // Until it is halted the arm turns as it does now, and more and more as it will slide.

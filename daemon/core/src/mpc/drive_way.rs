@@ -115,8 +115,8 @@ impl<const N: usize> Driven<N> {
     }
 }
 
-impl<const N: usize, const D: usize> Constraints<N, D> {
-    /// Bounds what the drives are given, and widens the other limits of joints and inputs as far as `way` needs it.
+impl<const N: usize, const D: usize> Constraints<'_, N, D> {
+    /// The bounds of what the drives are given; widens the other limits of joints and inputs as far as `way` needs it.
     /// `known` are the joint references in each step without the inputs, and `base` is the twist that inputs are
     /// counted from.
     pub(super) fn keep_drives(
@@ -126,7 +126,7 @@ impl<const N: usize, const D: usize> Constraints<N, D> {
         steps: &[f64],
         known: (&[SVector<f64, D>], &[SVector<f64, N>]),
         base: &SVector<f64, D>,
-    ) {
+    ) -> DriveBounds<N> {
         let Driven { limits, before } = way.driven;
         let mut bounds = DriveBounds {
             acceleration: limits.acceleration.into(),
@@ -161,6 +161,6 @@ impl<const N: usize, const D: usize> Constraints<N, D> {
             }
             start += length;
         }
-        self.drives = Some(bounds);
+        bounds
     }
 }

@@ -29,7 +29,7 @@ pub(super) fn deepest_of<const N: usize, const D: usize>(
     let mut above_zero = ForceBounds::none();
     let sign = -surface.normal[largest].signum();
     above_zero.push(AxisBound { axis: largest, sign, minimum: f64::NEG_INFINITY, maximum: 0.0 });
-    let start = situation.at_action(settings, &above_zero);
+    let start = situation.joints_at_action(settings, &above_zero);
     let until = start.verdict.map_or(0.0, |verdict| verdict.shortfall()) / surface.normal[largest].abs();
     let (after, time) = deepest_force(settings, situation, &start.state);
     if until > after { (until, start.delay) } else { (after, start.delay + time) }
@@ -54,15 +54,17 @@ fn deepest_force<const N: usize, const D: usize>(
     let fastest = outward(settings, situation);
     let mut driven = situation.driven(settings, false);
     let duration = settings.loops.slowest() / INSTANTS;
-    let step = Discretization::Zoh.step(duration, &settings.loops, &SVector::<f64, D>::zeros());
+    let step = Discretization::Zoh.step(duration, &settings.loops, &SVector::<f64, 0>::zeros());
     let (mut state, mut time) = (*start, 0.0);
-    let (mut deepest, mut when) = (force(&state), 0.0);
+    let mut pressing = force(&state);
+    let (mut deepest, mut when) = (pressing, 0.0);
     let mut rate = gradient.dot(&state.joint_velocity);
     let instants = INSTANTS as usize * if driven.is_some() { RAMPED_LAGS } else { LAGS };
     for _ in 0..instants {
         let reference = driven.as_mut().map_or(fastest, |driven| driven.advance(duration, &fastest));
-        let before = (force(&state), rate);
-        state = model.advance(&step, &state, &reference);
+        let before = (pressing, rate);
+        state = state.moved(&step, &reference);
+        pressing = force(&state);
         rate = gradient.dot(&state.joint_velocity);
         time += duration;
         // Between two instants the force is a parabola.
@@ -70,7 +72,7 @@ fn deepest_force<const N: usize, const D: usize>(
             let part = before.1 / (before.1 - rate);
             (before.0 + 0.5 * before.1 * part * duration, time + (part - 1.0) * duration)
         } else {
-            (force(&state), time)
+            (pressing, time)
         };
         if peak > deepest {
             (deepest, when) = (peak, at);

@@ -69,7 +69,7 @@ fn peak<const N: usize, const D: usize>(
     let inward = -surface.normal;
     let stiffness = surface.normal_stiffness();
     let depth = |state: &State<N, D>| inward.dot(&model.linear_wrench(&state.joint_position)) / stiffness;
-    let start = situation.at_action(settings, &ForceBounds::none());
+    let start = situation.joints_at_action(settings, &ForceBounds::none());
     // An arm may follow later than told: so long its motors go on.
     let late = settings.options.lag_tolerance;
     let speed = -surface.outward_speed(&(situation.sample.posture.jacobian() * situation.joints.velocity));
@@ -81,9 +81,9 @@ fn peak<const N: usize, const D: usize>(
     let longest = settings.loops.slowest() / INSTANTS;
     'way: for (reference, duration) in references {
         let pieces = libm::ceil(duration / longest - ROUNDING).clamp(1.0, INSTANTS);
-        let step = Discretization::Zoh.step(duration / pieces, &settings.loops, &SVector::zeros());
+        let step = Discretization::Zoh.step(duration / pieces, &settings.loops, &SVector::<f64, 0>::zeros());
         for _ in 0..pieces as usize {
-            state = model.advance(&step, &state, &reference);
+            state = state.moved(&step, &reference);
             let by = depth(&state) - reached;
             reached += by;
             swing.follow(by, step.duration);

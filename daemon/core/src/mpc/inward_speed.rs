@@ -13,7 +13,7 @@ use crate::robot::Interval;
 /// Room in m/s for rounding where the limits leave no other way.
 const ROUNDING: f64 = 1e-9;
 
-impl<const N: usize, const D: usize> Constraints<N, D> {
+impl<const N: usize, const D: usize> Constraints<'_, N, D> {
     /// Bounds the speed into the surface with the outward `normal` by `inward` m/s, but no sooner
     /// than the limits of offset and rate allow: the straight way from the twist `before` to
     /// `target` keeps all of them, and so does the bound.

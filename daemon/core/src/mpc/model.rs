@@ -35,6 +35,27 @@ impl<const N: usize, const D: usize> State<N, D> {
         Self { joint_position, joint_velocity, joint_acceleration: nothing, earlier_reference: nothing, wrench }
     }
 
+    /// After one step under the joint velocity reference r, but for f̂, which stays: all that a question about the
+    /// joints alone needs. `W` is the number of axes that the step has estimates for.
+    pub(crate) fn moved<const W: usize>(&self, step: &Step<N, W>, r: &SVector<f64, N>) -> Self {
+        let mut position = self.joint_position;
+        let mut next = step.carried_by_reference.map(|by| by.component_mul(r));
+        for (from, carried) in self.carried().iter().enumerate().take(step.carried) {
+            position += step.position_by[from].component_mul(carried);
+            for (next, by) in next.iter_mut().zip(&step.carried_by).take(step.carried) {
+                *next += by[from].component_mul(carried);
+            }
+        }
+        position += step.position_by_reference.component_mul(r);
+        Self {
+            joint_position: position,
+            joint_velocity: next[0],
+            joint_acceleration: next[1],
+            earlier_reference: next[2],
+            wrench: self.wrench,
+        }
+    }
+
     /// What the joints carry from step to step beside q, in the order of [`Step`].
     pub fn carried(&self) -> [SVector<f64, N>; CARRIED] {
         [self.joint_velocity, self.joint_acceleration, self.earlier_reference]
@@ -80,27 +101,16 @@ impl<const N: usize, const D: usize> Model<N, D> {
     /// One step of the affine system (17) under the constant joint velocity reference r = J⁻¹ (ṗ0 +
     /// Δṗ).
     pub fn advance(&self, step: &Step<N, D>, x: &State<N, D>, r: &SVector<f64, N>) -> State<N, D> {
-        let carried = x.carried();
-        let mut position = x.joint_position;
-        let mut next = step.carried_by_reference.map(|by| by.component_mul(r));
         let mut within = step.wrench_by_reference.component_mul(&spread(r));
-        for (from, carried) in carried.iter().enumerate().take(step.carried) {
-            position += step.position_by[from].component_mul(carried);
-            for (next, by) in next.iter_mut().zip(&step.carried_by).take(step.carried) {
-                *next += by[from].component_mul(carried);
-            }
-            within += step.wrench_by[from].component_mul(&spread(carried));
+        for (carried, by) in x.carried().iter().zip(&step.wrench_by).take(step.carried) {
+            within += by.component_mul(&spread(carried));
         }
-        position += step.position_by_reference.component_mul(r);
         let followed = SVector::from_fn(|axis, _| self.wrench_gradient.column(axis).dot(&within.column(axis)));
         State {
-            joint_position: position,
-            joint_velocity: next[0],
-            joint_acceleration: next[1],
-            earlier_reference: next[2],
             wrench: step.wrench_decay.component_mul(&x.wrench)
                 + step.wrench_decay.map(|e| 1.0 - e).component_mul(&self.linear_wrench(&x.joint_position))
                 + followed,
+            ..x.moved(step, r)
         }
     }
 }

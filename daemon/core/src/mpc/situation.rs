@@ -4,7 +4,7 @@ use nalgebra::SVector;
 
 use super::Settings;
 use super::constraints::ForceBounds;
-use super::model::{Model, State};
+use super::model::{Model, State, Step};
 use admittance_vocabulary::Side;
 
 use super::verdict::Verdict;
@@ -134,8 +134,25 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
     /// The state when the command for this sample reaches the joints, and the forces until then,
     /// under the commands that are under way.
     pub(super) fn at_action(&self, settings: &Settings<N, D>, bounds: &ForceBounds<D>) -> Start<N, D> {
+        let wrench = self.belief.wrench_ahead(&self.sample.wrench, self.sample.stamp);
+        let advance = |step: &_, x: &_, r: &_| self.model.advance(step, x, r);
+        self.until_action(settings, bounds, (wrench, &settings.wrench_time_constant), advance)
+    }
+
+    /// The same of the joints alone, without f̂.
+    pub(super) fn joints_at_action(&self, settings: &Settings<N, D>, bounds: &ForceBounds<D>) -> Start<N, D> {
+        let no_estimates = SVector::<f64, 0>::zeros();
+        self.until_action(settings, bounds, (SVector::zeros(), &no_estimates), |step, x, r| x.moved(step, r))
+    }
+
+    fn until_action<const W: usize>(
+        &self,
+        settings: &Settings<N, D>,
+        bounds: &ForceBounds<D>,
+        (wrench, wrench_time_constant): (SVector<f64, D>, &SVector<f64, W>),
+        advance: impl Fn(&Step<N, W>, &State<N, D>, &SVector<f64, N>) -> State<N, D>,
+    ) -> Start<N, D> {
         let (sample, loops) = (self.sample, &settings.loops);
-        let wrench = self.belief.wrench_ahead(&sample.wrench, sample.stamp);
         let mut state = State::moving(sample.joint_position, self.joints.velocity, wrench);
         state.joint_acceleration = self.joints.acceleration;
         let mut start = Start { state, delay: 0.0, verdict: None };
@@ -147,16 +164,13 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         let twist = |offset: Option<SVector<f64, D>>| offset.map(|offset| sample.twist_reference + offset);
         let reference =
             |twist: Option<SVector<f64, D>>| twist.map_or_else(SVector::zeros, |twist| self.joint_velocity(&twist));
-        let mut worst = 0.0;
-        for stretch in under_way.between(sample.stamp, sample.stamp + delay, loops.dead_times()) {
-            let references = stretch.references(self.beside, loops.dead_times(), |offset| reference(twist(offset)));
-            let step = settings.options.discretization.without_dead_time(
-                stretch.duration / f64::from(PIECES),
-                loops,
-                &settings.wrench_time_constant,
-            );
+        let (mut worst, dead_times) = (0.0, loops.dead_times());
+        for stretch in under_way.between(sample.stamp, sample.stamp + delay, dead_times) {
+            let references = stretch.references(self.beside, dead_times, |offset| reference(twist(offset)));
+            let duration = stretch.duration / f64::from(PIECES);
+            let step = settings.options.discretization.without_dead_time(duration, loops, wrench_time_constant);
             for _ in 0..PIECES {
-                start.state = self.model.advance(&step, &start.state, &references);
+                start.state = advance(&step, &start.state, &references);
                 start.delay += step.duration;
                 for bound in bounds.as_slice() {
                     let force = bound.sign * self.model.linear_wrench_on(bound.axis, &start.state.joint_position);

@@ -146,7 +146,7 @@ impl<const N: usize, const D: usize> Settings<N, D> {
         twist_reference: &SVector<f64, D>,
         situation: &Situation<'_, N, D>,
         start: &State<N, D>,
-    ) -> Constraints<N, D> {
+    ) -> Constraints<'static, N, D> {
         let limits = &self.limits;
         let signs = situation.belief.normal_signs();
         let rate = (limits.inward_rate.is_some() || limits.outward_rate.is_some()).then(|| {

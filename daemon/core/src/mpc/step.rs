@@ -127,11 +127,23 @@ fn exact<const N: usize, const D: usize>(
     wrench_time_constant: &SVector<f64, D>,
 ) -> Step<N, D> {
     let mut step = Step::standing(duration, carried_by(loops));
-    step.wrench_decay = wrench_time_constant.map(|t| if t > 0.0 { libm::exp(-duration / t) } else { 0.0 });
+    // Axes that are alike decay alike, and joints that are alike move alike: what they share is computed once.
+    for axis in 0..D {
+        let lag = wrench_time_constant[axis];
+        step.wrench_decay[axis] = match axis.checked_sub(1) {
+            Some(before) if wrench_time_constant[before] == lag => step.wrench_decay[before],
+            _ if lag > 0.0 => libm::exp(-duration / lag),
+            _ => 0.0,
+        };
+    }
+    let mut alike = None;
+    let (mut whole, mut estimates) = (Motion::default(), [Estimate::default(); D]);
     for joint in 0..N {
-        let order = Order::of(loops, joint);
-        let waits = dead_time[joint].min(duration);
-        let [before, after, whole] = motions(duration, waits, order);
+        let (order, waits) = (Order::of(loops, joint), dead_time[joint].min(duration));
+        if alike != Some((order, waits)) {
+            (whole, estimates) = moved(duration, waits, order, wrench_time_constant);
+            alike = Some((order, waits));
+        }
         for to in 0..2 {
             for from in 0..2 {
                 step.carried_by[to][from][joint] = whole.carried_by[to][from];
@@ -144,14 +156,7 @@ fn exact<const N: usize, const D: usize>(
         step.position_by_reference[joint] = whole.position_by_reference;
         // What is told during this step is the reference before the next.
         step.carried_by_reference[2][joint] = 1.0;
-        for axis in 0..D {
-            let lag = wrench_time_constant[axis];
-            let estimate = Estimate::over(duration - waits, order, lag, &after);
-            let estimate = if waits > 0.0 {
-                Estimate::over(waits, order, lag, &before).then(&before, &estimate)
-            } else {
-                estimate
-            };
+        for (axis, estimate) in estimates.iter().enumerate() {
             for from in 0..2 {
                 step.wrench_by[from][(joint, axis)] = estimate.by[from];
             }
@@ -160,6 +165,29 @@ fn exact<const N: usize, const D: usize>(
         }
     }
     step
+}
+
+/// What a joint does over a step during whose first `waits` s the reference before it acts, and what the
+/// estimate on each axis shows of it.
+fn moved<const D: usize>(
+    duration: f64,
+    waits: f64,
+    order: Order,
+    wrench_time_constant: &SVector<f64, D>,
+) -> (Motion, [Estimate; D]) {
+    let [before, after, whole] = motions(duration, waits, order);
+    let mut estimates = [Estimate::default(); D];
+    for axis in 0..D {
+        let lag = wrench_time_constant[axis];
+        estimates[axis] = match axis.checked_sub(1) {
+            Some(last) if wrench_time_constant[last] == lag => estimates[last],
+            _ => {
+                let estimate = Estimate::over(duration - waits, order, lag, &after);
+                if waits > 0.0 { Estimate::over(waits, order, lag, &before).then(&before, &estimate) } else { estimate }
+            }
+        };
+    }
+    (whole, estimates)
 }
 
 /// What a joint does while its reference waits, what it does afterwards, and both.
@@ -184,4 +212,43 @@ pub(super) fn position_by<const N: usize>(duration: f64, loops: &VelocityLoops<N
         }
     }
     by
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Vector1, Vector3, Vector5};
+
+    use super::*;
+
+    #[test]
+    fn joints_and_axes_that_are_alike_move_as_each_of_them_alone() {
+        let loops = VelocityLoops {
+            time_constant: Vector5::new(0.015, 0.015, 0.012, 0.012, 0.015),
+            damping: Vector5::new(0.0, 0.0, 0.0, 0.7, 0.0),
+            ..VelocityLoops::first_order(Vector5::repeat(0.01))
+        };
+        let (waits, lags) = (Vector5::new(0.0, 0.0002, 0.0002, 0.0002, 0.0), Vector3::new(0.02, 0.02, 0.0));
+        for duration in [0.0001, 0.001] {
+            let all = exact(duration, &loops, &waits, &lags);
+            for (joint, axis) in (0..5).flat_map(|joint| (0..3).map(move |axis| (joint, axis))) {
+                let own = VelocityLoops {
+                    time_constant: Vector1::new(loops.time_constant[joint]),
+                    damping: Vector1::new(loops.damping[joint]),
+                    ..VelocityLoops::first_order(Vector1::new(0.01))
+                };
+                let alone = exact(duration, &own, &Vector1::new(waits[joint]), &Vector1::new(lags[axis]));
+                assert_eq!(all.wrench_decay[axis], alone.wrench_decay[0]);
+                assert_eq!(all.position_by_reference[joint], alone.position_by_reference[0]);
+                assert_eq!(all.wrench_by_reference[(joint, axis)], alone.wrench_by_reference[(0, 0)]);
+                for from in 0..CARRIED {
+                    assert_eq!(all.position_by[from][joint], alone.position_by[from][0]);
+                    assert_eq!(all.wrench_by[from][(joint, axis)], alone.wrench_by[from][(0, 0)]);
+                    assert_eq!(all.carried_by_reference[from][joint], alone.carried_by_reference[from][0]);
+                    for to in 0..CARRIED {
+                        assert_eq!(all.carried_by[to][from][joint], alone.carried_by[to][from][0]);
+                    }
+                }
+            }
+        }
+    }
 }

@@ -63,9 +63,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         situation.add_beside(steps, &mut known_reference[..steps.len()]);
         let (known_twist, known_reference) = (&known_twist[..steps.len()], &known_reference[..steps.len()]);
         constraints.bound_inward_speed(0.0, &situation.belief.surface().normal, known_twist, way, steps);
-        if let Some(way) = &drive_way {
-            constraints.keep_drives(way, situation, steps, (known_twist, known_reference), &SVector::zeros());
-        }
+        let drives = drive_way.map(|way| {
+            constraints.keep_drives(&way, situation, steps, (known_twist, known_reference), &SVector::zeros())
+        });
+        constraints.drives = drives.as_ref();
         let prediction = Prediction {
             initial: start.state,
             known_reference,

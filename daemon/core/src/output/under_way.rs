@@ -95,12 +95,16 @@ impl<const D: usize> UnderWay<D> {
             if begun >= end {
                 return None;
             }
-            let reached = |joint: usize| move |(from, _): &&(Instant, _)| *from + dead_time[joint] <= begun;
+            let (mut next, mut reached) = (end, 0);
             let offset = core::array::from_fn(|joint| {
-                commands.iter().rfind(reached(joint)).map_or(Some(SVector::zeros()), |(_, offset)| *offset)
+                // Joints with one dead time are reached by the same commands: those before the next to come.
+                if joint == 0 || dead_time[joint] != dead_time[joint - 1] {
+                    let acts = |(from, _): &(Instant, _)| *from + dead_time[joint];
+                    reached = commands.iter().rposition(|command| acts(command) <= begun).map_or(0, |last| last + 1);
+                    next = commands.get(reached).map_or(next, |command| next.min(acts(command)));
+                }
+                reached.checked_sub(1).map_or(Some(SVector::zeros()), |last| commands[last].1)
             });
-            let changes = (0..N).flat_map(|joint| commands.iter().map(move |(from, _)| *from + dead_time[joint]));
-            let next = changes.filter(|change| *change > begun).fold(end, Instant::min);
             let stretch = Stretch { begun, duration: next.since(begun).seconds(), offset };
             begun = next;
             Some(stretch)
@@ -110,5 +114,49 @@ impl<const D: usize> UnderWay<D> {
     /// Δṗ of the last command; `None` is zero joint velocity.
     pub(crate) fn latest(&self) -> Option<SVector<f64, D>> {
         self.len.checked_sub(1).map_or(Some(SVector::zeros()), |last| self.commands[last].1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector1;
+
+    use super::*;
+
+    const fn at(ns: u64) -> Instant {
+        Instant::from_nanoseconds(ns)
+    }
+
+    /// Of commands that act from these instants on, the one that each joint follows is the last that has
+    /// reached it, whatever the dead times of the others are; and a stretch ends where that changes for any.
+    #[test]
+    fn a_stretch_is_of_what_has_reached_each_joint() {
+        let mut under_way = UnderWay::<1>::none();
+        let commands = [(1000, Some(1.0)), (1500, None), (2000, Some(3.0)), (2100, Some(4.0)), (9000, Some(5.0))];
+        for (from, offset) in commands {
+            under_way.push(at(from), offset.map(Vector1::new));
+        }
+        for dead_time in [[0; 3], [700; 3], [0, 300, 0], [300, 300, 50], [100, 0, 5000]] {
+            let dead_times = dead_time.map(Span::from_nanoseconds);
+            let followed = |joint: usize, now: u64| {
+                let reached = commands.iter().rfind(|(from, _)| from + dead_time[joint] <= now);
+                reached.map_or(Some(0.0), |(_, offset)| *offset)
+            };
+            for (start, end) in [(0, 500), (900, 2600), (1500, 1501), (2000, 12_000)] {
+                let (mut now, mut last) = (start, None);
+                for stretch in under_way.between(at(start), at(end), dead_times) {
+                    assert_eq!(stretch.begun, at(now));
+                    let offsets = stretch.offset.map(|offset| offset.map(|offset| offset[0]));
+                    assert_ne!(last, Some(offsets), "{dead_time:?}, {now} ns: nothing has changed");
+                    let lasts = (stretch.duration * 1e9).round() as u64;
+                    for instant in now..now + lasts {
+                        let wanted = [0, 1, 2].map(|joint| followed(joint, instant));
+                        assert_eq!(offsets, wanted, "{dead_time:?}, {instant} ns");
+                    }
+                    (now, last) = (now + lasts, Some(offsets));
+                }
+                assert_eq!(now, end, "{dead_time:?}");
+            }
+        }
     }
 }

@@ -28,7 +28,7 @@ pub struct Problem<const N: usize> {
     /// Joint velocity by which the TCP falls behind what J predicts, rad/s.
     pub drift: SVector<f64, N>,
     /// What is bounded.
-    pub constraints: Constraints<N, N>,
+    pub constraints: Constraints<'static, N, N>,
     /// x⁰.
     pub set_point: SetPoint<N, N>,
     /// J at the measured pose: what task weights need, else zero.

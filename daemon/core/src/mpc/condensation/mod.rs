@@ -84,7 +84,7 @@ pub struct Prediction<'a, const N: usize, const D: usize> {
     /// Axes with a wrench state in the cost.
     pub wrench_axes: InputAxes<D>,
     /// What is bounded.
-    pub constraints: Constraints<N, D>,
+    pub constraints: Constraints<'a, N, D>,
     /// x⁰.
     pub set_point: SetPoint<N, D>,
     /// Q.

@@ -55,7 +55,12 @@ pub(super) fn store<const K: usize>(to: &mut [f64], from: &[f64; K]) {
     if let Ok(place) = <&mut [f64; K]>::try_from(&mut *to) {
         *place = *from;
     } else {
-        to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+        // One by one: a call that copies so few takes longer.
+        for (index, value) in from.iter().enumerate() {
+            if let Some(place) = to.get_mut(index) {
+                *place = *value;
+            }
+        }
     }
 }
 
@@ -117,7 +122,7 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> MpcRows<'_,
                 p.known_reference.iter().map(|here| (SimdVector::of(here), interval)),
             );
         }
-        if let Some(drives) = &c.drives {
+        if let Some(drives) = c.drives {
             // Each bound counts from what changes without the inputs.
             let either_way = |limit: &nalgebra::SVector<f64, N>| Weighted::new(array(&-limit), array(limit));
             let changes = (0..steps.len()).map(|step| {

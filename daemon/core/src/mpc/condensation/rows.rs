@@ -116,9 +116,6 @@ impl<'a, const N: usize, const D: usize, const M: usize, const C: usize> MpcRows
     #[inline(always)]
     fn pulled_by_drives(&self, multipliers: &[f64], step: usize) -> SimdVector<N> {
         let mut pulled = SimdVector::ZERO;
-        if self.prediction.constraints.drives.is_none() {
-            return pulled;
-        }
         let mut add = |kind, later: usize, by: f64| {
             if let Some(row) = self.at(kind, step + later) {
                 pulled = section(multipliers, row).times_plus(SimdVector::splat(by), pulled);
@@ -329,7 +326,7 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> Rows for Mp
         let mut costate = Joints::<N, C>::ZERO;
         let (points, until_rest) = (self.horizon.force_points(), self.horizon.until_rest());
         let mut instant = if self.at(RowKind::Force, 0).is_some() { points.len() } else { 0 };
-        let mut slack = 0.0;
+        let (mut slack, is_driven) = (0.0, self.prediction.constraints.drives.is_some());
         let off_maximum = if self.prediction.softened() == Some(Softened::Maximum) { SLACK_UNIT } else { 0.0 };
         for (k, step) in self.horizon.steps().iter().enumerate().rev() {
             if let Some(row) = self.at(RowKind::RestPosition, k) {
@@ -357,7 +354,9 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> Rows for Mp
             if let Some(row) = self.at(RowKind::JointSpeed, k) {
                 reference = reference.plus(section(multipliers, row));
             }
-            reference = reference.plus(self.pulled_by_drives(multipliers, k));
+            if is_driven {
+                reference = reference.plus(self.pulled_by_drives(multipliers, k));
+            }
             self.add_to_inputs(k, reference, out);
             let inputs = self.inputs_of(k);
             if let Some(row) = self.at(RowKind::Offset, k) {

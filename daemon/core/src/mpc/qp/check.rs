@@ -29,6 +29,13 @@ fn pushed_slack(value: f64, lower: f64, upper: f64, multiplier: f64) -> f64 {
     if multiplier >= 0.0 { upper - value } else { value - lower }
 }
 
+/// The multipliers that are not zero, with their rows: few of many, so the others are passed over in groups.
+fn pushing(multipliers: &[f64]) -> impl Iterator<Item = (usize, f64)> {
+    let groups = multipliers.chunks(LANES).enumerate();
+    let some = groups.filter(|(_, group)| group.iter().fold(false, |some, y| some | (*y != 0.0)));
+    some.flat_map(|(group, ys)| (group * LANES..).zip(ys.iter().copied())).filter(|(_, y)| *y != 0.0)
+}
+
 /// The residual of `z` with the multipliers `y`. n² multiplications, and what the rows take for A z
 /// and Aᵀ y; `scratch` is at least 2·stride + rows rounded up to whole groups; A z stands in it
 /// behind 2·stride afterwards.
@@ -80,7 +87,7 @@ pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64], scratch: &mut [f64]) -> K
     finite &= numbers.all();
     let violation = violation.to_array().into_iter().fold(0.0, f64::max);
     let mut product = 0.0_f64;
-    for (row, &multiplier) in y[..qp.row_count].iter().enumerate().filter(|(_, y)| **y != 0.0) {
+    for (row, multiplier) in pushing(&y[..qp.row_count]) {
         let slack = pushed_slack(values[row], qp.lower[row], qp.upper[row], multiplier);
         product = product.max((multiplier * slack).abs());
     }
@@ -103,7 +110,7 @@ pub fn certificate_gap(
     scratch: &mut [f64],
 ) -> Option<f64> {
     let (mut gap, mut giving) = (0.0, 0.0);
-    for (row, &multiplier) in y[..qp.row_count].iter().enumerate().filter(|(_, y)| **y != 0.0) {
+    for (row, multiplier) in pushing(&y[..qp.row_count]) {
         gap -= multiplier * if multiplier > 0.0 { qp.upper[row] } else { qp.lower[row] };
         if may_give(row) {
             giving += multiplier.abs();

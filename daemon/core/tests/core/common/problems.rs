@@ -262,7 +262,7 @@ impl Shape {
             constraints: Constraints {
                 force,
                 joint_speed: Some(numbers.interval(3.0)),
-                drives: Some(DriveBounds {
+                drives: Some(Box::leak(Box::new(DriveBounds {
                     acceleration: numbers.positive(20.0),
                     // Over the longer steps some are no bound.
                     jerk: numbers.positive(6000.0),
@@ -271,7 +271,7 @@ impl Shape {
                         acceleration: numbers.vector::<N>(9.0).into(),
                     },
                     without_inputs: std::array::from_fn(|_| numbers.vector(1.0)),
-                }),
+                }))),
                 rest_position: Some(numbers.interval(2.0)),
                 offset: Some(numbers.interval(0.5)),
                 rate: Some(numbers.interval(20.0)),
