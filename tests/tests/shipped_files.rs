@@ -62,6 +62,7 @@ fn each_robot_s_configuration_presses_and_slides_in_its_scenario() {
         ("five-joint", "five-joint", 2, 150.0),
         ("six-joint", "six-joint", 2, 150.0),
         ("seven-joint", "seven-joint", 2, 150.0),
+        ("fr3", "fr3", 2, 150.0),
         ("rail", "rail", 2, 150.0),
         ("eight-joint", "eight-joint", 2, 150.0),
     ];
