@@ -195,8 +195,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         output.send(sample.stamp, &movement);
         beside.send(sample.stamp);
         let movement = match supervisor.mode() {
-            // The motion controller moves the arm as it is commanded.
-            Mode::Idle(_) if !supervisor.holds() => movement,
+            // The motion controller moves the arm as it is commanded, or holds it.
+            Mode::Idle(_) if movement.source == Source::None => movement,
             Mode::Idle(_) | Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
                 beside.shown(movement, sample)
             }

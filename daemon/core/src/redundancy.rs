@@ -180,12 +180,12 @@ impl<const N: usize> NullMotion<N> {
         if speed == 0.0 {
             return Some(self.told);
         }
-        let rate = redundancy.acceleration / speed;
-        let rate = self.settings.drives.as_ref().map_or(rate, |drives| {
-            let of_joint = |(most, told): (&f64, &f64)| most / told.abs().max(f64::MIN_POSITIVE);
-            drives.acceleration.iter().zip(self.told.iter()).map(of_joint).fold(rate, f64::min)
+        let gone = since * redundancy.acceleration / speed;
+        let gone = self.settings.drives.as_ref().map_or(gone, |drives| {
+            let of_joint = |(most, told): (&f64, &f64)| since * most / told.abs().max(f64::MIN_POSITIVE);
+            drives.acceleration.iter().zip(self.told.iter()).map(of_joint).fold(gone, f64::min)
         });
-        Some(self.told * (1.0 - since * rate).max(0.0))
+        Some(self.told * (1.0 - gone).max(0.0))
     }
 
     /// What the drives have to know of it.
