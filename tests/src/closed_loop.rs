@@ -8,9 +8,11 @@ use admittance_runner::config::{Config, GivenInName};
 use admittance_runner::cycle::{self, Cycle, CycleReport};
 use admittance_runner::virtual_time::{Step, VirtualTime};
 use ipc_types::{CommandSample, Mode, StateSample, StopReason, TruthSample, Verdict};
+use plant_sim::drives_section::DrivesSection;
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::{MotionSection, Scenario, SensorSection};
 
+use crate::drive_judge::Published;
 use crate::session::PAPER_SCENARIO;
 
 /// The default profile for the paper's arm.
@@ -111,6 +113,22 @@ impl Experiment {
             tool_center_of_gravity_m: center_m,
             gravity_m_s2: wrench.gravity_m_s2,
             range: None,
+        });
+        self
+    }
+
+    /// The same with drives that refuse jumps on both sides, whose references come `interval_s` apart.
+    #[must_use]
+    pub fn with_drives(mut self, drives: Published, interval_s: f64) -> Self {
+        let limits = &mut self.config.limits;
+        limits.joint_speed_rad_s = Some(drives.speed.clone());
+        limits.joint_acceleration_rad_s2 = Some(drives.acceleration.clone());
+        limits.joint_jerk_rad_s3 = Some(drives.jerk.clone());
+        self.scenario.drives = Some(DrivesSection {
+            joint_speed_rad_s: Some(drives.speed),
+            joint_acceleration_rad_s2: drives.acceleration,
+            joint_jerk_rad_s3: Some(drives.jerk),
+            interval_s: Some(interval_s),
         });
         self
     }

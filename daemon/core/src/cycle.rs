@@ -165,6 +165,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         }
         belief.follow_link(parameters.impact.as_ref(), sample, &joints.velocity);
         match supervisor.mode() {
+            Mode::Idle(_) if supervisor.holds() => beside.choose(sample, &sample.twist_reference, Wish::Rest),
             Mode::Idle(_) => beside.stand_by(sample),
             Mode::Free { .. } | Mode::Contact(_) if supervisor.is_enabled() => {
                 beside.choose(sample, &(sample.twist_reference + output.offset()), Wish::Aim);
@@ -172,6 +173,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
                 beside.choose(sample, &sample.twist_reference, Wish::Rest);
             }
+        }
+        if parameters.limits.drives.is_some() {
+            output.set_beside(beside.of_drives());
         }
         let predicted = predict(sample, (joints, beside), belief, supervisor, mpc, output, expired);
         let movement = predicted.movement.unwrap_or_else(|| match supervisor.mode() {
@@ -191,9 +195,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         output.send(sample.stamp, &movement);
         beside.send(sample.stamp);
         let movement = match supervisor.mode() {
-            // The motion controller moves the arm as it is commanded.
-            Mode::Idle(_) => movement,
-            Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
+            // The motion controller moves the arm as it is commanded, or holds it.
+            Mode::Idle(_) if movement.source == Source::None => movement,
+            Mode::Idle(_) | Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
                 beside.shown(movement, sample)
             }
         };
@@ -211,9 +215,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         match (bridge, last) {
             // A plan goes on with what the joints do beside it.
             (Bridge::Ramp | Bridge::Plan, _) => {}
-            (Bridge::Retreat, Some(last)) => beside.choose(last, &last.twist_reference, Wish::Rest),
+            (Bridge::Retreat | Bridge::Hold, Some(last)) => beside.choose(last, &last.twist_reference, Wish::Rest),
             (Bridge::Retreat | Bridge::Rest | Bridge::Hold, _) => beside.stop(),
         }
+        output.set_beside(beside.of_drives());
         let movement = match (bridge, last) {
             (Bridge::Ramp, Some(last)) => output.play_ramp(now, last),
             (Bridge::Plan, Some(last)) if supervisor.is_stopping() => output.play_plan_in_stop(now, last, surface),
@@ -222,9 +227,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             (Bridge::Rest, _) => output.rest_without_sample(now),
             (Bridge::Hold | Bridge::Ramp | Bridge::Plan | Bridge::Retreat, last) => output.hold(now, last),
         };
+        if movement.motion == Motion::Hold {
+            beside.stop();
+        }
         let shown = match (bridge, last) {
-            (Bridge::Ramp | Bridge::Plan | Bridge::Retreat, Some(last)) => beside.shown(movement, last),
-            (Bridge::Rest | Bridge::Hold, _) | (_, None) => movement,
+            (Bridge::Ramp | Bridge::Plan | Bridge::Retreat | Bridge::Hold, Some(last)) => beside.shown(movement, last),
+            (Bridge::Rest, _) | (_, None) => movement,
         };
         // A stopped arm may retreat from where it is believed to be: that takes a person.
         if matches!(supervisor.mode(), Mode::Idle(_)) {

@@ -21,9 +21,9 @@ use admittance_vocabulary::Motion;
 use nalgebra::SVector;
 
 use crate::intake::{Accepted, Timing};
-use crate::output::{MAX_DELAY_CYCLES, Movement};
+use crate::output::{Beside, MAX_DELAY_CYCLES, Movement};
 use crate::quantities::{Instant, Span};
-use crate::robot::{Interval, MotionLimits, NullSpace};
+use crate::robot::{DriveLimits, Drives, Interval, MotionLimits, NullSpace, Reference};
 
 /// What the null-space motion is to bring about.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,8 +49,8 @@ pub struct Redundancy<const N: usize> {
     pub aim: Aim<N>,
     /// How far from its limits a joint is kept, rad or m; `None` leaves the limits to the MPC.
     pub limit_margin: Option<SVector<f64, N>>,
-    /// Largest part of each joint's speed limit that the law's own null-space motion takes; what is
-    /// commanded is not counted.
+    /// Largest part of each joint's speed limit that the law's own null-space motion takes, but for what keeps
+    /// joints from their limits, which may take all of it; what is commanded is not counted.
     pub speed_share: f64,
     /// By how much that motion changes at most, rad/s² or m/s².
     pub acceleration: f64,
@@ -59,6 +59,9 @@ pub struct Redundancy<const N: usize> {
 /// How fast a joint may come nearer to the margin of its limits, per rad or m that is left; within the
 /// margin it goes back as fast.
 const APPROACH: f64 = 2.0;
+/// Part of the drives' acceleration and jerk that is left to this motion: the twist has the others, so the two
+/// together keep the limits, whatever each of them does.
+const OF_DRIVES: f64 = 0.2;
 /// Instants kept: more than commands can be under way, with a cycle behind the sample.
 const KEPT: usize = 2 * MAX_DELAY_CYCLES as usize;
 
@@ -73,6 +76,10 @@ pub(crate) struct Settings<const N: usize> {
     pub joint_speed: Option<SVector<f64, N>>,
     /// When commands act.
     pub timing: Timing,
+    /// What the drives leave to this motion.
+    pub drives: Option<DriveLimits<N>>,
+    /// Time from one streamed reference to the next.
+    pub tick: Span,
 }
 
 impl<const N: usize> Settings<N> {
@@ -80,9 +87,31 @@ impl<const N: usize> Settings<N> {
         redundancy: Option<Redundancy<N>>,
         limits: &MotionLimits<N, D>,
         timing: Timing,
+        tick: Span,
     ) -> Self {
-        Self { redundancy, joint_position: limits.joint_position, joint_speed: limits.joint_speed, timing }
+        let drives = limits.drives.map(|drives| part(&drives.limits, OF_DRIVES));
+        let MotionLimits { joint_position, joint_speed, .. } = *limits;
+        Self { redundancy, joint_position, joint_speed, timing, drives, tick }
     }
+}
+
+impl<const N: usize> Redundancy<N> {
+    /// Whether the joints may do anything beside the task.
+    fn moves(&self) -> bool {
+        self.aim != Aim::Nothing || self.limit_margin.is_some()
+    }
+
+    /// What the drives leave to the twist.
+    pub(crate) fn left_to_twist(&self, drives: Drives<N>) -> Drives<N> {
+        let limits = if self.moves() { part(&drives.limits, 1.0 - OF_DRIVES) } else { drives.limits };
+        Drives { limits, ..drives }
+    }
+}
+
+/// So much of acceleration and jerk. Speed is shared as it is needed.
+fn part<const N: usize>(limits: &DriveLimits<N>, part: f64) -> DriveLimits<N> {
+    let of = |values: [f64; N]| values.map(|value| value * part);
+    DriveLimits { acceleration: of(limits.acceleration), jerk: of(limits.jerk), ..*limits }
 }
 
 /// What the law wants of the null space in a cycle.
@@ -102,6 +131,8 @@ pub(crate) struct NullMotion<const N: usize> {
     told: SVector<f64, N>,
     /// Of that, what the law itself brings about.
     own: SVector<f64, N>,
+    /// By how much what is told has just changed, rad/s² or m/s², where the drives limit it.
+    acceleration: SVector<f64, N>,
     wish: Wish,
     /// What was told, by the instants from which it acts; the last `len` count.
     history: [(Instant, SVector<f64, N>); KEPT],
@@ -113,13 +144,14 @@ impl<const N: usize> NullMotion<N> {
     pub(crate) fn new(settings: Settings<N>) -> Self {
         let nothing = SVector::zeros();
         let history = [(Instant::default(), nothing); KEPT];
-        Self { settings, told: nothing, own: nothing, wish: Wish::Rest, history, len: 0 }
+        Self { settings, told: nothing, own: nothing, acceleration: nothing, wish: Wish::Rest, history, len: 0 }
     }
 
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, told, own, wish, history, len } = *old;
-        (self.told, self.own, self.wish, self.history, self.len) = (told, own, wish, history, len);
+        let Self { settings: _, told, own, acceleration, wish, history, len } = *old;
+        (self.told, self.own, self.acceleration) = (told, own, acceleration);
+        (self.wish, self.history, self.len) = (wish, history, len);
     }
 
     /// Whether the law resolves twists itself.
@@ -135,12 +167,42 @@ impl<const N: usize> NullMotion<N> {
 
     /// The same `since` s from now, as it will be.
     pub(crate) fn ahead(&self, since: f64) -> Option<SVector<f64, N>> {
+        match self.wish {
+            Wish::Rest => self.fading(since),
+            Wish::Aim => self.told().copied(),
+        }
+    }
+
+    /// The same `since` s from now, if it is to come to rest.
+    pub(crate) fn fading(&self, since: f64) -> Option<SVector<f64, N>> {
         let redundancy = self.settings.redundancy.as_ref()?;
         let speed = self.told.amax();
-        Some(match self.wish {
-            Wish::Rest if speed > 0.0 => self.told * (1.0 - since * redundancy.acceleration / speed).max(0.0),
-            _ => self.told,
-        })
+        if speed == 0.0 {
+            return Some(self.told);
+        }
+        let gone = since * redundancy.acceleration / speed;
+        let gone = self.settings.drives.as_ref().map_or(gone, |drives| {
+            let of_joint = |(most, told): (&f64, &f64)| since * most / told.abs().max(f64::MIN_POSITIVE);
+            drives.acceleration.iter().zip(self.told.iter()).map(of_joint).fold(gone, f64::min)
+        });
+        Some(self.told * (1.0 - gone).max(0.0))
+    }
+
+    /// What the drives have to know of it.
+    pub(crate) fn of_drives(&self) -> Beside<N> {
+        let drives = self.settings.drives.as_ref().filter(|_| self.is_ours());
+        let since = self.settings.tick.seconds();
+        Beside {
+            told: self.told().copied().unwrap_or_else(SVector::zeros),
+            may_be_held: drives.is_none_or(|drives| drives.allow(&self.reference(self.told), since, &[0.0; N])),
+        }
+    }
+
+    /// What is told, as the drives see it: within a cycle it stays.
+    fn reference(&self, told: SVector<f64, N>) -> Reference<N> {
+        let has_stayed = self.settings.tick < self.settings.timing.sampling_time;
+        let acceleration = if has_stayed { SVector::zeros() } else { self.acceleration };
+        Reference { velocity: told.into(), acceleration: acceleration.into() }
     }
 
     /// Chooses it for a sample, of an arm that goes on with a twist (m/s, rad/s).
@@ -163,7 +225,19 @@ impl<const N: usize> NullMotion<N> {
         let change = wanted - before;
         let most = redundancy.acceleration * self.settings.timing.sampling_time.seconds();
         self.own = if change.amax() <= most { wanted } else { before + change * (most / change.amax()) };
-        self.told = commanded + self.own;
+        let wanted = commanded + self.own;
+        self.told = match &self.settings.drives {
+            None => wanted,
+            Some(drives) => {
+                // (J turns: what was told is a little beside the null space of now.)
+                let before = self.reference(null_space.project(&self.told));
+                let next = drives.follow(&before, self.settings.tick.seconds(), &wanted.into());
+                let told = null_space.project(&next.velocity.into());
+                self.own = told - commanded;
+                self.acceleration = (told - self.told) / self.settings.tick.seconds();
+                told
+            }
+        };
         self.wish = wish;
     }
 
@@ -176,21 +250,24 @@ impl<const N: usize> NullMotion<N> {
         going: &SVector<f64, N>,
     ) -> SVector<f64, N> {
         let position = &sample.joint_position;
-        let shared = |wanted: SVector<f64, N>| {
-            let share = |most: &SVector<f64, N>| {
-                wanted.zip_map(most, |speed, most| speed.abs() / (most * redundancy.speed_share)).max()
-            };
+        // Of the joints' speed this motion takes at most a part.
+        let within = |wanted: SVector<f64, N>, part: f64| {
+            let share = |most: &SVector<f64, N>| wanted.zip_map(most, |speed, most| speed.abs() / (most * part)).max();
             wanted / self.settings.joint_speed.as_ref().map_or(1.0, share).max(1.0)
         };
         let aimed = match redundancy.aim {
-            Aim::Posture { position: posture, gain } => shared(null_space.project(&((posture - position) * gain))),
+            Aim::Posture { position: posture, gain } => {
+                within(null_space.project(&((posture - position) * gain)), redundancy.speed_share)
+            }
             Aim::Nothing | Aim::Commanded => SVector::zeros(),
         };
         let Some(bounds) = self.bounds(redundancy, position) else { return aimed };
-        shared(aimed + null_space.brought_within(&(going + aimed), &bounds))
+        // A joint that the twist drives fast towards its limit needs another that is as fast.
+        within(aimed + null_space.brought_within(&(going + aimed), &bounds), 1.0)
     }
 
-    /// The joint velocities that keep the joints from their limits.
+    /// The joint velocities that keep the joints from their limits, and none faster than it may be; `None`
+    /// where these are left to others.
     fn bounds(&self, redundancy: &Redundancy<N>, position: &SVector<f64, N>) -> Option<Interval<N>> {
         let (margin, limits) = (redundancy.limit_margin.as_ref()?, self.settings.joint_position.as_ref()?);
         let most = self.settings.joint_speed.unwrap_or_else(|| SVector::repeat(f64::INFINITY));
@@ -202,6 +279,7 @@ impl<const N: usize> NullMotion<N> {
     /// Nothing beside the task any more, at once: the arm is held.
     pub(crate) fn stop(&mut self) {
         (self.told, self.own, self.wish) = (SVector::zeros(), SVector::zeros(), Wish::Rest);
+        self.acceleration = SVector::zeros();
     }
 
     /// The motion controller moves the arm by itself: what it does beside the task is where the law

@@ -5,14 +5,14 @@ use std::collections::BTreeSet;
 
 use admittance_core::quantities::Instant;
 use admittance_core::supervisor::Ending;
+use admittance_runner::config::ResolutionName;
 use admittance_runner::cycle::{self, Cycle};
 use end_to_end::closed_loop::Experiment;
 use end_to_end::drive_judge::{Published, Worst, judge};
 use ipc_types::{CommandSample, Mode, Motion, StateSample, VirtualPlant};
-use plant_sim::drives_section::DrivesSection;
 use plant_sim::faults::FaultKind;
 use plant_sim::run::VirtualRun;
-use plant_sim::scenario::FaultSection;
+use plant_sim::scenario::{FaultSection, FollowsName};
 
 const SIX: [&str; 2] = [
     include_str!("../../../deploy/robots/six-joint.toml"),
@@ -47,18 +47,21 @@ const RATES: [Rate; 3] = [
 fn experiment([config, scenario]: [&str; 2], rate: Rate) -> Experiment {
     let mut experiment = Experiment::new(config, scenario, rate.sampling_time);
     let joints = experiment.config.robot.joint.len();
-    let drives = Published::fr3().of_joints(joints);
     experiment.config.mpc.inputs_per_cycle = Some(rate.inputs);
+    experiment.with_drives(Published::fr3().of_joints(joints), rate.sampling_time / f64::from(rate.inputs))
+}
+
+/// The seven joints where the daemon resolves twists: beside them the joints go to a posture that is half a radian
+/// and more away, so that the elbow is in motion whatever else happens.
+fn resolved(rate: Rate) -> Experiment {
+    let mut experiment = experiment(SEVEN, rate);
+    let redundancy = &mut experiment.config.redundancy;
+    redundancy.resolution = ResolutionName::Posture;
+    redundancy.posture_rad = Some(vec![1.0, 0.6, -0.8, -1.5, 0.8, 1.0, 0.0]);
     let limits = &mut experiment.config.limits;
-    limits.joint_speed_rad_s = Some(drives.speed.clone());
-    limits.joint_acceleration_rad_s2 = Some(drives.acceleration.clone());
-    limits.joint_jerk_rad_s3 = Some(drives.jerk.clone());
-    experiment.scenario.drives = Some(DrivesSection {
-        joint_speed_rad_s: Some(drives.speed),
-        joint_acceleration_rad_s2: drives.acceleration,
-        joint_jerk_rad_s3: Some(drives.jerk),
-        interval_s: Some(rate.sampling_time / f64::from(rate.inputs)),
-    });
+    limits.joint_position_min_rad = Some(vec![-2.9; 7]);
+    limits.joint_position_max_rad = Some(vec![2.9; 7]);
+    experiment.scenario.controller.follows = FollowsName::JointVelocity;
     experiment
 }
 
@@ -177,10 +180,9 @@ fn answered(_: &mut dyn Cycle, _: &StateSample) -> Fate {
 }
 
 /// Everything that moves an arm.
-fn lives(arm: [&str; 2], rate: Rate) -> Vec<Life> {
+fn lives(base: &Experiment, rate: Rate) -> Vec<Life> {
     use Mode::{Contact, Free, Idle, Stopped, Stopping};
-    let base = experiment(arm, rate);
-    let slow = there_and_back(&base, 0.03);
+    let slow = there_and_back(base, 0.03);
     let cycles = move |time: f64| (time / rate.sampling_time).round() as u64;
     let settled = cycles(base.scenario.timing.settle_s);
     // Whether the sample is within so many s from the start of the motion.
@@ -191,8 +193,8 @@ fn lives(arm: [&str; 2], rate: Rate) -> Vec<Life> {
     let mut lives = Vec::new();
     let mut seen = |name, stream, through| lives.push(Life { name, stream, through, is_seen: true });
     seen("a touch, a slide and a release", Stream::of(&slow, answered), &[Free, Contact][..]);
-    seen("the same twice as fast", Stream::of(&there_and_back(&base, 0.06), answered), &[Free, Contact]);
-    seen("a stop and a retreat", Stream::of(&there_and_back(&base, 0.15), answered), &[Free, Stopping, Stopped]);
+    seen("the same twice as fast", Stream::of(&there_and_back(base, 0.06), answered), &[Free, Contact]);
+    seen("a stop and a retreat", Stream::of(&there_and_back(base, 0.15), answered), &[Free, Stopping, Stopped]);
     let again = base.clone().with_motion(&[
         (0.4, &sliding(0.15)),
         (0.8, &[0.0, 0.0, 0.04, 0.0, 0.0, 0.0]),
@@ -232,7 +234,7 @@ fn lives(arm: [&str; 2], rate: Rate) -> Vec<Life> {
     let mut unseen = |name, stream, through| lives.push(Life { name, stream, through, is_seen: false });
     unseen(
         "a stop far too late, the sensor saturated",
-        Stream::of(&there_and_back(&base, 0.4), answered),
+        Stream::of(&there_and_back(base, 0.4), answered),
         &[Stopping, Stopped],
     );
     for from in [0.208, 0.3] {
@@ -256,9 +258,11 @@ fn lives(arm: [&str; 2], rate: Rate) -> Vec<Life> {
 #[test]
 fn whatever_moves_the_arm_keeps_the_limits_of_its_drives() {
     let mut failures = Vec::new();
-    for (arm, files) in [("six", SIX), ("seven", SEVEN)] {
-        for rate in RATES {
-            for Life { name, stream, through, is_seen } in lives(files, rate) {
+    for rate in RATES {
+        let arms =
+            [("six", experiment(SIX, rate)), ("seven", experiment(SEVEN, rate)), ("seven resolved", resolved(rate))];
+        for (arm, base) in &arms {
+            for Life { name, stream, through, is_seen } in lives(base, rate) {
                 let [asked, given] = [&stream.asked, &stream.given].map(|references| stream.judged(references));
                 let what = format!("{arm} joints, {rate:?}, {name}");
                 println!(
@@ -313,10 +317,10 @@ fn a_stop_that_may_exceed_the_jerk_presses_less() {
 /// an arm that nobody sees follow the next one.
 #[test]
 fn without_a_usable_sample_the_ramp_to_standstill_ends_in_hold() {
-    for files in [SIX, SEVEN] {
-        for rate in RATES {
+    for rate in RATES {
+        for base in [experiment(SIX, rate), experiment(SEVEN, rate), resolved(rate)] {
             for speed in [0.03, 0.15, 0.4] {
-                let mut blind = experiment(files, rate).with_motion(&[(0.8, &sliding(speed)), (0.8, &AWAY)]);
+                let mut blind = base.clone().with_motion(&[(0.8, &sliding(speed)), (0.8, &AWAY)]);
                 blind.scenario.fault = vec![FaultSection { at_s: 0.25, duration_s: 2.0, kind: FaultKind::NanWrench }];
                 let stream = Stream::of(&blind, answered);
                 let given = stream.given.last().and_then(|stretch| stretch.last()).expect("streamed");

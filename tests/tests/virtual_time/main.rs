@@ -19,6 +19,7 @@ mod settling;
 mod stops_and_guards;
 mod straight_line;
 mod task_frame;
+mod task_frame_directions;
 mod task_frame_horizon;
 mod task_frame_sideways;
 mod task_frame_stops;

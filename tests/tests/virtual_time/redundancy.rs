@@ -2,6 +2,7 @@
 
 use admittance_runner::config::ResolutionName;
 use end_to_end::closed_loop::{Experiment, Run};
+use end_to_end::drive_judge::{Published, judge};
 use ipc_types::{Fault, Mode};
 use nalgebra::{SMatrix, SVector};
 use plant_sim::scenario::FollowsName;
@@ -134,6 +135,75 @@ fn joints_turn_away_from_their_limits_over_two_metres_with_the_force_as_good() {
     let bound = with_limits(least_norm(0.001), LAST, (-6.0, -2.3)).run();
     tell(&bound, "least norm with the limit");
     assert!(bound.stop_reason().is_some() || slid(&bound) < 1.9, "slid {} m", slid(&bound));
+}
+
+/// The same with the drives of a Franka Research 3: the elbow turns away in time with the part of them that it has, and
+/// the force is as good as without a resolution.
+#[test]
+fn joints_turn_away_from_their_limits_within_the_limits_of_their_drives() {
+    for (sampling_time, inputs) in [(0.001, 1), (0.004, 4)] {
+        let driven = |mut experiment: Experiment| {
+            experiment.config.mpc.inputs_per_cycle = Some(inputs);
+            experiment.with_drives(Published::fr3(), sampling_time / f64::from(inputs))
+        };
+        let least = driven(least_norm(sampling_time)).run();
+        tell(&least, &format!("least norm, {sampling_time} s, driven"));
+        assert_slides(&least, "least norm");
+        for (joint, limits) in [(LAST, (-6.0, -2.3)), (SWING, (0.5, 6.0))] {
+            for resolution in [ResolutionName::Weighted, ResolutionName::Posture, ResolutionName::Keep] {
+                let mut experiment = driven(with_limits(resolved(sampling_time, resolution), joint, limits));
+                let redundancy = &mut experiment.config.redundancy;
+                match resolution {
+                    ResolutionName::Weighted => redundancy.joint_weights = Some(vec![1.0; 7]),
+                    ResolutionName::Posture => redundancy.posture_rad = Some(START.to_vec()),
+                    ResolutionName::Keep | ResolutionName::LeastNorm => {}
+                }
+                let run = experiment.run();
+                let what = format!("{resolution} with joint {joint} within {limits:?} rad, {sampling_time} s, driven");
+                tell(&run, &what);
+                let given = run.instants.iter().flat_map(|at| at.streamed.iter().map(|[_, given]| given.as_slice()));
+                let worst = judge(given, sampling_time / f64::from(inputs), &Published::fr3());
+                let asked = run.instants.iter().flat_map(|at| at.streamed.iter().map(|[asked, _]| asked.as_slice()));
+                let asked = judge(asked, sampling_time / f64::from(inputs), &Published::fr3());
+                let (low, high) = range(&run, joint);
+                println!("  joint {joint}: {low:.3} to {high:.3} rad; given {:.7}, asked {asked:?}", worst.most());
+                assert!(worst.most() <= 1.0 + 1e-6, "{what}: {worst:?}");
+                assert_slides(&run, &what);
+                let allowed = limits.0 + 0.08..limits.1 - 0.08;
+                assert!(allowed.contains(&low) && allowed.contains(&high), "{what}: {low} to {high} rad");
+                assert!(run.peak_normal() <= least.peak_normal() * 1.02, "{what}: {} N", run.peak_normal());
+                let off = run.settled_normal() - least.settled_normal();
+                assert!(off.abs() < 0.5, "{what}: {off} N more");
+            }
+        }
+    }
+}
+
+/// In free motion nobody but the resolution looks at the joints' limits: a fast twist drives one towards its end, and
+/// the others go as fast in its place.
+#[test]
+fn limits_of_position_are_kept_in_free_motion_as_fast_as_the_twist_goes() {
+    const FAST: [f64; 6] = [0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+    let in_the_air = |mut experiment: Experiment| {
+        experiment.scenario.surface = None;
+        experiment.scenario.start.contact_time_s = None;
+        experiment.config.redundancy.acceleration_rad_s2 = 10.0;
+        experiment.with_motion(&[(0.2, &[0.0; 6]), (2.0, &FAST)])
+    };
+    let mut least = in_the_air(least_norm(0.001));
+    least.scenario.controller.follows = FollowsName::JointVelocity;
+    let (low, high) = range(&least.run(), LAST);
+    println!("in the air by the least norm: {low:.3} to {high:.3} rad");
+    assert!(high > -2.0, "the limit is in the way: {high} rad");
+    let mut experiment = in_the_air(with_limits(resolved(0.001, ResolutionName::Keep), LAST, (-6.0, -2.3)));
+    // So slow that a share of it would not do.
+    experiment.config.redundancy.speed_share = 0.01;
+    let run = experiment.run();
+    let (low, high) = range(&run, LAST);
+    println!("in the air, resolved: {low:.3} to {high:.3} rad, slid {:.3} m", slid(&run));
+    assert!(!run.touched() && run.stop_reason().is_none());
+    assert!(high < -2.3, "{high} rad");
+    assert!((slid(&run) - 2.0).abs() < 0.03, "slid {} m", slid(&run));
 }
 
 #[test]

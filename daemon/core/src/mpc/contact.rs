@@ -173,7 +173,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             SVector::zeros()
         };
         let mut way = None;
-        if let Some(driven) = situation.driven(&settings, false) {
+        if let Some(driven) = situation.driven(false) {
             let way = way.insert(DriveWay::new(driven));
             way.lead(situation, options.steps(), |step| known_twist[step] + slowing);
             for (known, led) in known_twist.iter_mut().zip(&way.twists) {
@@ -249,10 +249,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         if let (Some(speed), Some(bound)) =
             (of_set.and_then(|bounds| bounds.way_back(&settings, situation)), &mut constraints.normal_speed)
         {
-            let speed = match situation.driven(&settings, false) {
+            let speed = match situation.driven(false) {
                 None => speed,
                 Some(mut driven) => {
-                    let first = driven.advance(options.steps()[0], &outward(&settings, situation));
+                    let first = driven.advance(options.steps()[0], &situation.of_twist(&outward(&settings, situation)));
                     speed.min(BACK_AT_ONCE * surface.outward_speed(&(sample.posture.jacobian() * first)))
                 }
             };

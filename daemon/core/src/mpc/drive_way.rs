@@ -8,8 +8,8 @@
 
 use nalgebra::SVector;
 
+use super::Situation;
 use super::constraints::{Constraints, DriveBounds};
-use super::{Settings, Situation};
 use crate::output::MAX_STEPS;
 use crate::robot::{DriveLimits, Interval, Reference};
 
@@ -36,9 +36,9 @@ pub(super) struct DriveWay<const N: usize, const D: usize> {
 }
 
 impl<const N: usize, const D: usize> Situation<'_, N, D> {
-    /// What the drives allow here; `None` where they are not limited.
-    pub(super) fn driven(&self, settings: &Settings<N, D>, in_stop: bool) -> Option<Driven<N>> {
-        let mut limits = settings.limits.drives?.limits(in_stop);
+    /// What the drives allow here of the references of a twist; `None` where they are not limited.
+    pub(super) fn driven(&self, in_stop: bool) -> Option<Driven<N>> {
+        let mut limits = self.output.drive_limits(in_stop)?;
         limits.acceleration = limits.acceleration.map(|limit| limit * (1.0 - ROOM));
         limits.jerk = limits.jerk.map(|limit| limit * (1.0 - ROOM));
         let before = self.output.streamed_before(self.sample.stamp);
@@ -116,9 +116,9 @@ impl<const N: usize> Driven<N> {
 }
 
 impl<const N: usize, const D: usize> Constraints<'_, N, D> {
-    /// The bounds of what the drives are given; widens the other limits of joints and inputs as far as `way` needs it.
-    /// `known` are the joint references in each step without the inputs, and `base` is the twist that inputs are
-    /// counted from.
+    /// The bounds of what the drives are given for a twist; widens the other limits of joints and inputs as far as `way`
+    /// needs it. `known` are the joint references in each step without the inputs, with what the joints do beside the
+    /// task, and `base` is the twist that inputs are counted from.
     pub(super) fn keep_drives(
         &mut self,
         way: &DriveWay<N, D>,
@@ -139,7 +139,9 @@ impl<const N: usize, const D: usize> Constraints<'_, N, D> {
         for (step, length) in steps.iter().enumerate() {
             let since = steps[step.saturating_sub(1)];
             let turned = situation.streamed(&SVector::zeros(), start);
-            bounds.without_inputs[step] = known_reference[step] + turned;
+            let beside = situation.beside.ahead(start);
+            let known = beside.map_or(known_reference[step], |beside| known_reference[step] - beside);
+            bounds.without_inputs[step] = known + turned;
             let next = reference.then(way.references[step].into(), since);
             for joint in 0..N {
                 let change = next.acceleration[joint];
@@ -148,6 +150,7 @@ impl<const N: usize, const D: usize> Constraints<'_, N, D> {
             }
             reference = next;
             let own = way.references[step] - turned;
+            let own = beside.map_or(own, |beside| own + beside);
             if let Some(speed) = &mut self.joint_speed {
                 (speed.lower, speed.upper) = (speed.lower.inf(&own), speed.upper.sup(&own));
             }

@@ -52,7 +52,8 @@ fn deepest_force<const N: usize, const D: usize>(
     // Gradient of that force: its rate is the part of q̇ along it.
     let gradient = model.wrench_gradient * inward;
     let fastest = outward(settings, situation);
-    let mut driven = situation.driven(settings, false);
+    let of_twist = situation.of_twist(&fastest);
+    let mut driven = situation.driven(false);
     let duration = settings.loops.slowest() / INSTANTS;
     let step = Discretization::Zoh.step(duration, &settings.loops, &SVector::<f64, 0>::zeros());
     let (mut state, mut time) = (*start, 0.0);
@@ -61,7 +62,8 @@ fn deepest_force<const N: usize, const D: usize>(
     let mut rate = gradient.dot(&state.joint_velocity);
     let instants = INSTANTS as usize * if driven.is_some() { RAMPED_LAGS } else { LAGS };
     for _ in 0..instants {
-        let reference = driven.as_mut().map_or(fastest, |driven| driven.advance(duration, &fastest));
+        let reference =
+            driven.as_mut().map_or(fastest, |driven| fastest - of_twist + driven.advance(duration, &of_twist));
         let before = (pressing, rate);
         state = state.moved(&step, &reference);
         pressing = force(&state);

@@ -82,6 +82,11 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         self.beside.told().map_or(velocity, |beside| velocity + beside)
     }
 
+    /// The part of [`Self::told_with`] that is the twist's.
+    pub(super) fn of_twist(&self, told: &SVector<f64, N>) -> SVector<f64, N> {
+        self.beside.told().map_or(*told, |beside| told - beside)
+    }
+
     /// Adds to the joint velocity references of each step what the joints do beside the task.
     pub(super) fn add_beside(&self, steps: &[f64], references: &mut [SVector<f64, N>]) {
         let mut since = 0.0;

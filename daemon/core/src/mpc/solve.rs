@@ -197,27 +197,29 @@ impl<const N: usize, const D: usize> Settings<N, D> {
             way += left * length;
         }
         let moved = situation.joint_velocity(&before) * (way * (1.0 + ROOM));
-        let Some(driven) = situation.driven(self, false) else {
-            let mut reachable = Interval {
+        // No input stops what the joints do beside the task.
+        let beside = situation.beside.told().map(|beside| beside * (steps.iter().sum::<f64>() * (1.0 + ROOM)));
+        let with_beside = |ends: [SVector<f64, N>; 2]| beside.map_or(ends, |beside| ends.map(|end| end + beside));
+        let Some(driven) = situation.driven(false) else {
+            let reachable = Interval {
                 lower: limits.lower.inf(&rest).inf(&(rest + moved)),
                 upper: limits.upper.sup(&rest).sup(&(rest + moved)),
             };
-            if let Some(beside) = situation.beside.told() {
-                // No input stops what the joints do beside the task.
-                let beside = beside * (steps.iter().sum::<f64>() * (1.0 + ROOM));
-                let (first, last) = (rest.inf(&(rest + moved)) + beside, rest.sup(&(rest + moved)) + beside);
-                reachable = Interval { lower: reachable.lower.inf(&first), upper: reachable.upper.sup(&last) };
+            if beside.is_none() {
+                return reachable;
             }
-            return reachable;
+            let [first, last] = with_beside([rest.inf(&(rest + moved)), rest.sup(&(rest + moved))]);
+            return Interval { lower: reachable.lower.inf(&first), upper: reachable.upper.sup(&last) };
         };
         // It goes on braking beyond the horizon: so much is left free before the limit.
         let free = driven.braking_way();
         let mut braking = DriveWay::new(driven);
         braking.lead(situation, steps, |_| SVector::zeros());
         let moved = braking.length(steps) * (1.0 + ROOM);
+        let [first, last] = with_beside([rest.inf(&(rest + moved)), rest.sup(&(rest + moved))]);
         Interval {
-            lower: (limits.lower + free).inf(&rest).inf(&(rest + moved)),
-            upper: (limits.upper - free).sup(&rest).sup(&(rest + moved)),
+            lower: (limits.lower + free).inf(&rest).inf(&first),
+            upper: (limits.upper - free).sup(&rest).sup(&last),
         }
     }
 }

@@ -52,7 +52,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // Axes without an input stand still, as soon as the drives allow.
         let (mut known_twist, mut known_reference) = ([SVector::zeros(); MAX_STEPS], [SVector::zeros(); MAX_STEPS]);
         let mut drive_way = None;
-        if let Some(driven) = situation.driven(&settings, true) {
+        if let Some(driven) = situation.driven(true) {
             let led = drive_way.insert(DriveWay::new(driven));
             led.lead(situation, steps, |_| on_inputs(&target));
             for ((twist, reference), led) in known_twist.iter_mut().zip(&mut known_reference).zip(&led.twists) {
@@ -118,11 +118,14 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         direction: &SVector<f64, D>,
     ) -> (f64, State<N, D>) {
         let (settings, mut peak) = (&self.settings, f64::NEG_INFINITY);
-        let Some(mut driven) = situation.driven(settings, true) else { return (peak, state) };
+        let Some(mut driven) = situation.driven(true) else { return (peak, state) };
         let tick = settings.options.steps()[0].min(settings.timing.sampling_time.seconds());
         let step = Discretization::Zoh.step(tick, &settings.loops, &SVector::zeros());
-        for _ in 0..RAMP_TICKS {
-            let reference = driven.advance(tick, &SVector::zeros());
+        for ticks in 0..RAMP_TICKS {
+            let mut reference = driven.advance(tick, &SVector::zeros());
+            if let Some(beside) = situation.beside.fading(tick * ticks as f64) {
+                reference += beside;
+            }
             if reference.iter().all(|speed| *speed == 0.0) {
                 break;
             }

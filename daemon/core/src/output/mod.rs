@@ -142,9 +142,19 @@ pub(crate) struct Output<const N: usize, const D: usize> {
     /// The joint references of the last command, where the drives limit them.
     streamed: Option<Streamed<N>>,
     turning: SVector<f64, N>,
+    beside: Beside<N>,
     handover: Handover,
     limited: u64,
     fallbacks: u64,
+}
+
+/// What the joints are told beside the task, as far as the drives have to know.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Beside<const N: usize> {
+    /// rad/s or m/s.
+    pub told: SVector<f64, N>,
+    /// Whether the next reference may be without it.
+    pub may_be_held: bool,
 }
 
 impl<const N: usize, const D: usize> Output<N, D> {
@@ -157,6 +167,7 @@ impl<const N: usize, const D: usize> Output<N, D> {
             under_way: UnderWay::none(),
             streamed: None,
             turning: SVector::zeros(),
+            beside: Beside { told: SVector::zeros(), may_be_held: true },
             handover: Handover::Done,
             limited: 0,
             fallbacks: 0,
@@ -165,10 +176,11 @@ impl<const N: usize, const D: usize> Output<N, D> {
 
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, plan, offset, under_way, streamed, turning, handover: _, limited, fallbacks } = old;
+        let Self { settings: _, plan, offset, under_way, streamed, turning, beside, handover: _, limited, fallbacks } =
+            old;
         // What was streamed is told tick by tick.
         let same_tick = old.settings.tick == self.settings.tick;
-        (self.streamed, self.turning) = (streamed.filter(|_| same_tick), *turning);
+        (self.streamed, self.turning, self.beside) = (streamed.filter(|_| same_tick), *turning, *beside);
         (self.plan, self.offset, self.under_way) = (*plan, *offset, *under_way);
         (self.limited, self.fallbacks) = (*limited, *fallbacks);
         self.handover = Handover::UnderWay;

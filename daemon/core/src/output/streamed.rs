@@ -1,5 +1,6 @@
 //! What the drives are given: the joint velocity references J⁻¹ (ṗ0 + Δṗ) of the commands, as the motion
-//! controller streams them, and how a plan is brought within the limits of the drives.
+//! controller streams them, and how a plan is brought within the limits of the drives. What the joints do beside
+//! the task has its own part of these limits; of the speed it leaves the rest.
 //!
 //! Every movement of this stage goes through [`Output::within_drives`], whatever it is for: a jump of
 //! ṗ0 itself, a ramp, a fallback, a retreat, standing still. An input of the MPC keeps the limits by itself, and
@@ -7,7 +8,7 @@
 
 use nalgebra::SVector;
 
-use super::{MAX_STEPS, Output, Plan};
+use super::{Beside, MAX_STEPS, Output, Plan};
 use crate::intake::Accepted;
 use crate::quantities::{Instant, Span};
 use crate::robot::{DriveLimits, Posture, Reference};
@@ -79,6 +80,20 @@ impl<const N: usize, const D: usize> Output<N, D> {
         self.streamed = None;
     }
 
+    /// What the joints are told beside the task from here on.
+    pub(crate) fn set_beside(&mut self, beside: Beside<N>) {
+        self.beside = beside;
+    }
+
+    /// What the drives allow of the references of a twist.
+    pub(crate) fn drive_limits(&self, in_stop: bool) -> Option<DriveLimits<N>> {
+        let mut limits = self.settings.drives?.limits(in_stop);
+        for (speed, told) in limits.speed.iter_mut().zip(self.beside.told.iter()) {
+            *speed = (*speed - told.abs()).max(0.0);
+        }
+        Some(limits)
+    }
+
     /// By how much the references change by themselves, in rad/s² or m/s², as the arm and J with it turn.
     pub(crate) fn set_turning(&mut self, turning: SVector<f64, N>) {
         self.turning = turning;
@@ -105,13 +120,13 @@ impl<const N: usize, const D: usize> Output<N, D> {
         twist_reference: &SVector<f64, D>,
         in_stop: bool,
     ) -> bool {
-        let Some(drives) = self.settings.drives else { return false };
+        let Some(limits) = self.drive_limits(in_stop) else { return false };
         let Ok(inverse) = posture.inverse(0.0) else {
             // Nothing is known of what the motion controller makes of a twist here: its own limits are left.
             self.streamed = None;
             return false;
         };
-        let (limits, tick) = (drives.limits(in_stop), self.settings.tick);
+        let tick = self.settings.tick;
         let since = tick.seconds();
         let turned = |k: usize| self.turning * self.turned_until(since * k as f64);
         let before = self.streamed_before(now).unwrap_or_else(|| {
@@ -162,10 +177,10 @@ impl<const N: usize, const D: usize> Output<N, D> {
         last: Option<&Accepted<N, D>>,
         in_stop: bool,
     ) -> Option<()> {
-        let limits = self.settings.drives?.limits(in_stop);
+        let limits = self.drive_limits(in_stop)?;
         let before = self.streamed_before(now);
         let stands = before.unwrap_or(Reference::steady([0.0; N]));
-        let is_allowed = limits.allow(&stands, self.settings.tick.seconds(), &[0.0; N]);
+        let is_allowed = self.beside.may_be_held && limits.allow(&stands, self.settings.tick.seconds(), &[0.0; N]);
         let last = last.filter(|last| last.drives_enabled && !is_allowed && last.posture.inverse(0.0).is_ok());
         let Some(last) = last else {
             self.streamed = Some(Streamed::standing(stands, now));

@@ -102,6 +102,7 @@ fn check_golden<const N: usize>() {
 fn dynamics_of_all_arms_are_those_of_pinocchio() {
     check_golden::<2>();
     check_golden::<4>();
+    check_golden::<5>();
     check_golden::<6>();
     check_golden::<7>();
     check_golden::<8>();

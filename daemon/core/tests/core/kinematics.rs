@@ -142,6 +142,7 @@ fn poses_and_jacobians_of_seven_joints_are_golden() {
 #[test]
 fn poses_and_jacobians_with_prismatic_joints_are_golden() {
     check_poses::<4>();
+    check_poses::<5>();
     check_poses::<8>();
 }
 
@@ -151,6 +152,7 @@ fn right_inverse_inverts_and_has_least_norm() {
     check_inverse::<6, 6>();
     check_inverse::<7, 6>();
     check_inverse::<4, 3>();
+    check_inverse::<5, 3>();
     check_inverse::<8, 6>();
 }
 

@@ -109,6 +109,22 @@ ARMS.append(
         "singular": [],
     }
 )
+# Lengths of a KUKA youBot's arm, each axis a little off its drawing.
+ARMS.append(
+    {
+        "name": "five joints, youBot-like",
+        "task_axes": 3,
+        "joints": [
+            joint((0.024, 0.0, 0.115), (0.0, 0.0, 0.1)),
+            joint((0.033, 0.0, 0.032), (0.01, 0.0, 0.0), (0.0, 1.0, 0.0)),
+            joint((0.0, 0.002, 0.155), (0.0, 0.02, 0.0), (0.0, 1.0, 0.0)),
+            joint((0.0, 0.0, 0.135), (0.0, 0.0, -0.02), (0.0, -2.0, 0.0)),
+            joint((0.0, 0.0, 0.11316), (0.0, 0.0, 0.0)),
+        ],
+        "tool": {"origin": [0.01, 0.0, 0.104], "rpy": [0.1, -0.2, 0.4]},
+        "singular": [],
+    }
+)
 
 
 def exact(values):

@@ -69,7 +69,7 @@ impl Arm {
         for joint in &moving {
             can_be_imported(joint, said(joint))?;
         }
-        let task_axes = task_axes(moving.len()).ok_or_else(|| {
+        if !with_arm!((moving.len(), AXIS_NAMES.len()), <_N, _D> => true, else false) {
             let names: Vec<_> = moving.iter().take(20).map(|joint| Shown(&joint.name).to_string()).collect();
             let why = format!(
                 "{} joints move between --base {} and --tip {}: {}; accepted: {SUPPORTED_ARMS}",
@@ -78,8 +78,8 @@ impl Arm {
                 Shown(tip),
                 names.join(", ")
             );
-            Refused::new(None, why)
-        })?;
+            return Err(Refused::new(None, why));
+        }
         let mut joints = Vec::new();
         let (mut frame, mut next) = (Frame::identity(), moving.iter().skip(1));
         for joint in way {
@@ -90,6 +90,7 @@ impl Arm {
                 joints.push(arm_joint(joint, said(joint), std::mem::replace(&mut frame, Frame::identity()), body)?);
             }
         }
+        let task_axes = if is_planar(&joints, &frame) { PLANE } else { AXIS_NAMES.len() };
         let controlled = controlled(&joints, &frame, task_axes);
         Ok(Self { name: described.robot.name.clone(), task_axes, controlled, joints, tool: frame })
     }
@@ -106,22 +107,36 @@ impl Arm {
     }
 }
 
-/// As many axes as the daemon can control with so many joints.
-fn task_axes(joints: usize) -> Option<usize> {
-    (2..=6).rev().find(|axes| with_arm!((joints, *axes), <_N, _D> => true, else false))
+/// x and y, the axes of an arm of two joints that moves in that plane alone.
+const PLANE: usize = 2;
+/// Entries of a Jacobian, in m or 1, that are zero but for rounding: URDFs write pi/2 with some digits.
+const ROUNDING: f64 = 1e-4;
+
+/// The chain of these joints, as the daemon has it; `None` where they are not N.
+fn chain<const N: usize>(joints: &[ArmJoint], tool: &Frame) -> Option<Chain<N>> {
+    let joints = joints.iter().map(|joint| robot::Joint {
+        origin: joint.frame.pose.position,
+        rotation: joint.frame.pose.rotation,
+        axis: joint.axis.into(),
+        kind: joint.kind,
+    });
+    Chain::new(joints.collect::<Vec<_>>().try_into().ok()?, tool.pose).ok()
+}
+
+/// Whether these are two joints that move the tip in the plane of x and y, and turn it about z, wherever they are.
+fn is_planar(joints: &[ArmJoint], tool: &Frame) -> bool {
+    let Some(chain) = chain::<PLANE>(joints, tool) else { return false };
+    [[0.0, 0.0], [0.9, -0.4]].into_iter().all(|q| {
+        let jacobian = chain.kinematics(&q.into()).jacobian;
+        jacobian.fixed_rows::<3>(2).amax() < ROUNDING
+    })
 }
 
 /// The axes that can be controlled, x before y and so on, as many as are independent; `None` where
 /// these are all, or none.
 fn controlled(joints: &[ArmJoint], tool: &Frame, task_axes: usize) -> Option<Vec<usize>> {
     fn of<const N: usize, const D: usize>(joints: &[ArmJoint], tool: &Frame) -> Option<Vec<usize>> {
-        let joints = joints.iter().map(|joint| robot::Joint {
-            origin: joint.frame.pose.position,
-            rotation: joint.frame.pose.rotation,
-            axis: joint.axis.into(),
-            kind: joint.kind,
-        });
-        let chain: Chain<N> = Chain::new(joints.collect::<Vec<_>>().try_into().ok()?, tool.pose).ok()?;
+        let chain = chain::<N>(joints, tool)?;
         if D < AXIS_NAMES.len() || has_regular_pose::<N, D>(&chain, LEAST_CONDITION) {
             return None;
         }

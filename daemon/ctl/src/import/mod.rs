@@ -147,10 +147,5 @@ fn not_accepted(arm: &Arm, errors: &ConfigErrors) -> Refused {
     let index = error.key.split_once('[').and_then(|(_, rest)| rest.split_once(']')?.0.parse::<usize>().ok());
     let joint: Option<&ArmJoint> = index.filter(|_| is_of_joints).and_then(|index| arm.joints.get(index));
     let named = joint.map(|joint| format!("joint {}: ", Shown(&joint.name))).unwrap_or_default();
-    let hint = if arm.task_axes == 2 && error.key == "robot.joint" {
-        "; of an arm of 2 joints the task axes are x and y of the base frame: --base has to be a link whose z axis the joints turn about"
-    } else {
-        ""
-    };
-    Refused::new(None, format!("{named}what it says is not accepted: {error}{hint}"))
+    Refused::new(None, format!("{named}what it says is not accepted: {error}"))
 }

@@ -144,7 +144,8 @@ fn is_not_deep(document: &Document<'_>) -> Result<(), Refused> {
 fn is_not_xacro(document: &Document<'_>) -> Result<(), Refused> {
     let is_of_xacro = |node: &Node<'_, '_>| {
         let names = node.attributes().map(|attribute| attribute.namespace()).chain([node.tag_name().namespace()]);
-        names.flatten().any(|namespace| namespace.contains("xacro"))
+        let is_xacros = |name: &str| name.contains("xacro") || node.lookup_prefix(name) == Some("xacro");
+        names.flatten().any(is_xacros)
             || node.attributes().any(|attribute| attribute.value().contains("${")) && is_kept(*node)
     };
     match document.root().descendants().find(is_of_xacro) {

@@ -71,5 +71,6 @@ fn contact(sampling_time_s: f64, speed_m_s: f64, phase: f64) -> Contact {
         joint_velocity: velocity,
         pending: Vec::new(),
         sampling_time_s,
+        drives: None,
     }
 }

@@ -3,7 +3,7 @@
 //! shares no model code with the controller.
 
 use super::arm::{Arm, dot, lag, product};
-use super::ocp::{self, Stage};
+use super::ocp::{self, NoAnswer, Stage};
 use super::task::{Frame, Task};
 
 /// How long the force must keep the limit, in s.
@@ -51,6 +51,19 @@ pub(crate) struct Contact {
     pub(crate) pending: Vec<Vec<f64>>,
     /// T_s in s: how long each input is held.
     pub(crate) sampling_time_s: f64,
+    /// What the drives allow of the references; `None` is any.
+    pub(crate) drives: Option<Driven>,
+}
+
+/// Limits of the references' changes, from what is streamed on.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Driven {
+    /// Of each joint, rad/s² or m/s².
+    pub(crate) acceleration: Vec<f64>,
+    /// rad/s³ or m/s³.
+    pub(crate) jerk: Vec<f64>,
+    /// The reference before the first input.
+    pub(crate) before: Vec<f64>,
 }
 
 /// Joint speed references held for a time.
@@ -83,20 +96,20 @@ impl Contact {
     /// The lowest attainable peak.
     ///
     /// # Errors
-    /// Clarabel's status when it does not solve the problem.
-    pub(crate) fn lowest_peak(&self) -> Result<Attainable, String> {
+    /// [`NoAnswer`].
+    pub(crate) fn lowest_peak(&self) -> Result<Attainable, NoAnswer> {
         self.solve(PASSES, false)
     }
 
     /// The same among inputs that never lose contact.
     ///
     /// # Errors
-    /// Clarabel's status; `PrimalInfeasible` when no input keeps contact.
-    pub(crate) fn lowest_peak_in_contact(&self) -> Result<Attainable, String> {
+    /// [`NoAnswer`]; contradicted when no input keeps contact.
+    pub(crate) fn lowest_peak_in_contact(&self) -> Result<Attainable, NoAnswer> {
         self.solve(PASSES, true)
     }
 
-    fn solve(&self, passes: usize, keeps_contact: bool) -> Result<Attainable, String> {
+    fn solve(&self, passes: usize, keeps_contact: bool) -> Result<Attainable, NoAnswer> {
         let pending: Vec<Input> = self
             .pending
             .iter()
@@ -135,7 +148,7 @@ impl Contact {
                 break;
             }
         }
-        best.ok_or_else(|| "no pass".to_owned())
+        best.ok_or_else(|| NoAnswer::Unsolved("no pass".to_owned()))
     }
 
     /// The same contact when the command is ṗ0 until the first input acts: in each of so many cycles of
@@ -145,6 +158,9 @@ impl Contact {
         for _ in 0..cycles {
             let reference = self.arm.joint_velocity(&state.position, &self.task.controlled, &self.twist);
             state = self.advance(&state, &reference, self.sampling_time_s);
+            if let Some(drives) = &mut self.drives {
+                drives.before.clone_from(&reference);
+            }
             self.pending.push(reference);
         }
         self
@@ -296,6 +312,7 @@ mod tests {
             joint_velocity: approach.clone(),
             pending: vec![approach],
             sampling_time_s: 0.001,
+            drives: None,
         }
     }
 
@@ -358,6 +375,33 @@ mod tests {
         assert!(peaks.windows(2).all(|pair| pair[0] < pair[1]), "{peaks:?}");
         // 0.36 m/s along the normal at the first active sample, 0.6 mm below the surface.
         assert!(peaks[3] > 60.0 + 400.0 * 0.36, "{peaks:?}");
+    }
+
+    /// Of drives that refuse jumps every reference is within what they allow of the one before, and that costs force.
+    #[test]
+    fn drives_that_refuse_jumps_cost_force() {
+        let free = contact([(-3.0, 3.0); 2]);
+        let before = free.pending[0].clone();
+        let peak = |acceleration: f64, jerk: f64| {
+            let drives = Driven { acceleration: vec![acceleration; 2], jerk: vec![jerk; 2], before: before.clone() };
+            let answer = Contact { drives: Some(drives), ..free.clone() }.lowest_peak().unwrap();
+            let (mut last, mut rate) = (Input { duration_s: 0.001, reference: before.clone() }, [0.0; 2]);
+            for input in &answer.inputs[1..] {
+                for joint in 0..2 {
+                    let change = (input.reference[joint] - last.reference[joint]) / last.duration_s;
+                    assert!(change.abs() <= acceleration * (1.0 + 1e-6), "{change}");
+                    let jerks = (change - rate[joint]).abs() / last.duration_s;
+                    assert!(jerks <= jerk * (1.0 + 1e-6) + 1e-3, "{jerks}");
+                    rate[joint] = change;
+                }
+                last = input.clone();
+            }
+            answer.peak_n
+        };
+        let peaks = [peak(1e6, 1e12), peak(400.0, 1e12), peak(100.0, 1e12), peak(100.0, 2e4)];
+        println!("{peaks:?}");
+        assert!((peaks[0] / free.lowest_peak().unwrap().peak_n - 1.0).abs() < 1e-6, "{peaks:?}");
+        assert!(peaks.windows(2).all(|pair| pair[0] * 1.01 < pair[1]), "{peaks:?}");
     }
 
     #[test]

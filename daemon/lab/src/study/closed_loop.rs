@@ -1,6 +1,8 @@
 //! One contact in a closed loop in virtual time: the daemon's cycle against the plant, and what was
 //! seen.
 
+use std::collections::VecDeque;
+
 use admittance_runner::config::Config;
 use admittance_runner::cycle;
 use admittance_runner::virtual_time::{Step, VirtualTime};
@@ -8,9 +10,28 @@ use ipc_types::{StopReason, TruthSample, Verdict};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
-use super::attainable::Contact;
+use super::attainable::{Contact, Driven};
 use super::draw::{ACTIVATION_THRESHOLD_N, Draw};
 use super::task::Frame;
+
+/// How long in s before a verdict that is withdrawn the judge is asked again, what it says being of 100 ms.
+const BEFORE_S: f64 = 0.06;
+
+/// A sample, and the command that it was answered with.
+#[derive(Debug, Clone, PartialEq)]
+struct Answered {
+    sample: FirstActive,
+    /// ṗ0 + Δṗ, m/s and rad/s.
+    twist: Vec<f64>,
+}
+
+/// A state some time before the first infeasible verdict.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Earlier {
+    sample: FirstActive,
+    /// The twist that was commanded a sample before: with a delay it is still to act, and it is what is streamed.
+    twist_before: Vec<f64>,
+}
 
 /// The first active sample: the first whose wrench estimate exceeds β on an axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +56,8 @@ pub(crate) struct Seen {
     pub(crate) first_verdict_feasible: Option<bool>,
     /// Cycles with an infeasible verdict.
     pub(crate) infeasible_cycles: u32,
+    /// The state 60 ms before the first of them, where that is after the first active sample.
+    pub(crate) before_infeasible: Option<Earlier>,
     /// Largest force from the first active sample on.
     pub(crate) peak_n: f64,
     /// Largest force in the cycles whose verdict was feasible, each from its sample to the next.
@@ -75,6 +98,7 @@ pub(crate) fn run(draw: &Draw, config: &Config, scenario: &Scenario) -> Result<S
     };
     let mut seen = Seen::default();
     let (mut losses_before, mut last_verdict) = (0, Verdict::None.code());
+    let (mut latest, kept) = (VecDeque::new(), (BEFORE_S / draw.sampling_time_s).round() as usize + 2);
     let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
     while let Some(Step { state, command, truth, .. }) = run.step()? {
@@ -104,6 +128,18 @@ pub(crate) fn run(draw: &Draw, config: &Config, scenario: &Scenario) -> Result<S
         if last_verdict != Verdict::None.code() {
             seen.first_verdict_feasible.get_or_insert(last_verdict == Verdict::Feasible.code());
         }
+        if seen.first_active.is_some() && seen.infeasible_cycles == 0 {
+            let sample = first_active(arm.joints(), &state.joint_position, &state.joint_velocity, &truth);
+            let twist = draw.twist().into_iter().zip(command.velocity_offset).map(|(twist, offset)| twist + offset);
+            latest.push_back(Answered { sample, twist: twist.collect() });
+            if latest.len() > kept {
+                latest.pop_front();
+            }
+            if last_verdict == Verdict::Infeasible.code() && latest.len() == kept {
+                let Answered { sample, .. } = latest[1].clone();
+                seen.before_infeasible = Some(Earlier { sample, twist_before: latest[0].twist.clone() });
+            }
+        }
         seen.infeasible_cycles += u32::from(last_verdict == Verdict::Infeasible.code());
         seen.stop_reason = command.stop_reason;
     }
@@ -126,6 +162,22 @@ pub(crate) fn first_active(joints: usize, position: &[f64], velocity: &[f64], tr
 
 /// The contact from its first active sample on, as the judge sees it.
 pub(crate) fn contact(draw: &Draw, first: &FirstActive) -> Contact {
+    // No offset before the first active sample: what is on its way is the command.
+    from(draw, first, &draw.twist()).after_delay(draw.delay_cycles)
+}
+
+/// The same from a later sample on.
+pub(crate) fn later_contact(draw: &Draw, earlier: &Earlier) -> Contact {
+    let mut contact = from(draw, &earlier.sample, &earlier.twist_before);
+    let on_its_way =
+        contact.arm.joint_velocity(&earlier.sample.joint_position, &draw.task.controlled, &earlier.twist_before);
+    contact.pending = vec![on_its_way; draw.delay_cycles as usize];
+    contact
+}
+
+/// The contact from a sample on; `streamed` is the twist before it.
+fn from(draw: &Draw, first: &FirstActive, streamed: &[f64]) -> Contact {
+    let before = || draw.arm.joint_velocity(&first.joint_position, &draw.task.controlled, streamed);
     Contact {
         arm: draw.arm.clone(),
         task: draw.task.clone(),
@@ -141,9 +193,12 @@ pub(crate) fn contact(draw: &Draw, first: &FirstActive) -> Contact {
         joint_velocity: first.joint_velocity.clone(),
         pending: Vec::new(),
         sampling_time_s: draw.sampling_time_s,
+        drives: draw.drives.as_ref().map(|drives| Driven {
+            acceleration: drives.acceleration.clone(),
+            jerk: drives.jerk.clone(),
+            before: before(),
+        }),
     }
-    // No offset before the first active sample: what is on its way is the command.
-    .after_delay(draw.delay_cycles)
 }
 
 #[cfg(test)]

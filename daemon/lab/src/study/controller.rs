@@ -137,7 +137,7 @@ pub(crate) fn controller_text(draw: &Draw, profile: Profile, variant: Variant) -
          [environment]\nnormal_stiffness_n_m = {stiffness:?}\nsurface_normal = {normal:?}\n\
          {point}\n\n\
          [mpc]\n{mpc}\n\n\
-         [limits]\nvelocity_offset = {offset:?}\njoint_speed_rad_s = {speed:?}\n\n[stopping]\n\n[realtime]\n",
+         [limits]\nvelocity_offset = {offset:?}\njoint_speed_rad_s = {speed:?}\n{drives}\n[stopping]\n\n[realtime]\n",
         head = arm_sections(draw),
         task = task_section(draw),
         delay = draw.delay_s(),
@@ -159,7 +159,15 @@ pub(crate) fn controller_text(draw: &Draw, profile: Profile, variant: Variant) -
         },
         offset = of_axes(OFFSET_LIMIT_M_S, OFFSET_LIMIT_M_S),
         speed = draw.joint_speed_limit,
+        drives = drive_limits(draw),
     )
+}
+
+/// The keys of the drives' limits, which a configuration and a scenario share.
+fn drive_limits(draw: &Draw) -> String {
+    draw.drives.as_ref().map_or_else(String::new, |drives| {
+        format!("joint_acceleration_rad_s2 = {:?}\njoint_jerk_rad_s3 = {:?}\n", drives.acceleration, drives.jerk)
+    })
 }
 
 /// `[task]`, where it is another frame than the base frame.
@@ -212,7 +220,8 @@ pub(crate) fn scenario_text(draw: &Draw) -> String {
          [start]\njoint_position_rad = {q:?}\ncontact_time_s = {APPROACH_S:?}\ncontact_phase = {phase:?}\n\n\
          [surface]\npoint_m = {point:?}\nnormal = {normal:?}\nstiffness_n_m = {stiffness:?}\n\n\
          [wrench]\ntime_constant_s = {wrench:?}\n\n[noise]\n\n\
-         [[motion]]\nduration_s = {duration:?}\ntwist = {twist:?}\n\n[realtime]\n",
+         {drives}[[motion]]\nduration_s = {duration:?}\ntwist = {twist:?}\n\n[realtime]\n",
+        drives = draw.drives.as_ref().map_or_else(String::new, |_| format!("[drives]\n{}\n", drive_limits(draw))),
         head = arm_sections(draw),
         delay = draw.delay_s(),
         q = draw.contact_position,

@@ -24,6 +24,7 @@ use admittancectl::{Exit, offline, parallel};
 use closed_loop::FirstActive;
 use controller::{Profile, Variant};
 use draw::{AnyArm, ArmName, Arms, Draw};
+use ocp::NoAnswer;
 use statistics::Case;
 
 #[derive(Debug, clap::Args)]
@@ -46,7 +47,9 @@ enum What {
         First active sample: the first whose wrench estimate exceeds the activation threshold on an axis. Attainable: from \
         its state some input, held for a sampling time each, keeps the force limits for 100 ms. Feasible: no verdict of the \
         run is infeasible. Unsound: a limit exceeded by more than 0.5 N + 0.5 % in a cycle whose verdict was feasible. \
-        Timid: infeasible though attainable, at once or later. Withdrawn: feasible first, infeasible later. The same seed gives the same \
+        Timid: infeasible though attainable, at once or later. Withdrawn: feasible first, infeasible later. \
+        Outpaced, and none of these: an infeasible verdict after that, 60 ms before which no input follows the command within the limits \
+        for 100 ms. With --drive-limits the inputs of the judge keep the limits of acceleration and jerk as well. The same seed gives the same \
         answer, whatever the number of threads.\n\n\
         With --surface, of contacts apart from brief ones and those over the limit at the first active sample: safe: every verdict was; \
         at_risk: not stopped, and a verdict was (at_risk_share: the largest share of what may be there that could not be kept, and \
@@ -97,8 +100,11 @@ struct VerdictArgs {
     /// two joints: all, or some of planar-2r planar-3r scara gantry six six-on-rail seven eight, with commas.
     #[arg(long, conflicts_with_all = ["surface", "figure"])]
     arms: Option<Arms>,
+    /// Drives that refuse jumps: random limits of acceleration and jerk of each joint, told to controller and plant.
+    #[arg(long, conflicts_with_all = ["surface", "figure"])]
+    drive_limits: bool,
     /// The world: joints that follow (4) and springs, or arms with masses that are told what `identify` finds.
-    #[arg(long, value_enum, default_value_t = World::FirstOrder, conflicts_with_all = ["surface", "arms"])]
+    #[arg(long, value_enum, default_value_t = World::FirstOrder, conflicts_with_all = ["surface", "arms", "drive_limits"])]
     world: World,
     /// Surfaces of which so much is told: all (contact point detected), or a range of stiffness.
     #[arg(long, value_enum)]
@@ -135,6 +141,9 @@ struct CaseArgs {
     /// Of a study with --arms; a number means the same whichever arms it had.
     #[arg(long)]
     arms: bool,
+    /// Of a study with --drive-limits.
+    #[arg(long)]
+    drive_limits: bool,
     /// Also write its scenario and its controllers' configurations into this directory.
     #[arg(long, value_name = "DIRECTORY")]
     save: Option<PathBuf>,
@@ -157,7 +166,7 @@ fn sampling_time(text: &str) -> Result<f64, String> {
 
 fn one_of_them(args: &CaseArgs) -> Result<Exit, (Exit, String)> {
     let internal = |why| (Exit::Internal, why);
-    let drawn = Drawn::new(args.arms, args.seed, args.index).map_err(internal)?;
+    let drawn = Drawn::new(args.arms, args.drive_limits, args.seed, args.index).map_err(internal)?;
     print!("{}", single_case::describe(&drawn).map_err(internal)?);
     if let Some(directory) = &args.save {
         single_case::save(&drawn, directory).map_err(|why| (Exit::Unavailable, why))?;
@@ -215,8 +224,8 @@ fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
     }
     options.begin_figure()?;
     let cases = match &args.arms {
-        None => cases(args.seed, args.runs, threads),
-        Some(Arms(arms)) => cases_of(arms, args.seed, args.runs, threads),
+        None => cases(args.drive_limits, args.seed, args.runs, threads),
+        Some(Arms(arms)) => cases_of(arms, args.drive_limits, args.seed, args.runs, threads),
     };
     let cases = cases.map_err(|why| (Exit::Internal, why))?;
     let mut figures = statistics::figures(args.seed, &cases);
@@ -234,16 +243,17 @@ fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
 ///
 /// # Errors
 /// A case that could not be drawn.
-fn cases(seed: u64, runs: u64, threads: usize) -> Result<Vec<Case>, String> {
-    parallel::map(runs, threads, "contacts", |index| one_case(Drawn::new(false, seed, index)?))
+fn cases(driven: bool, seed: u64, runs: u64, threads: usize) -> Result<Vec<Case>, String> {
+    parallel::map(runs, threads, "contacts", |index| one_case(Drawn::new(false, driven, seed, index)?))
 }
 
 /// The first `runs` cases of these arms.
 ///
 /// # Errors
 /// A case that could not be drawn.
-fn cases_of(arms: &[ArmName], seed: u64, runs: u64, threads: usize) -> Result<Vec<Case>, String> {
-    parallel::map(runs, threads, "contacts", |case| one_case(Drawn::new(true, seed, AnyArm::index_of(arms, case))?))
+fn cases_of(arms: &[ArmName], driven: bool, seed: u64, runs: u64, threads: usize) -> Result<Vec<Case>, String> {
+    let drawn = |case| Drawn::new(true, driven, seed, AnyArm::index_of(arms, case));
+    parallel::map(runs, threads, "contacts", |case| one_case(drawn(case)?))
 }
 
 /// A contact of a study.
@@ -254,21 +264,31 @@ pub(crate) struct Drawn {
 }
 
 impl Drawn {
-    /// The contact with this index, of a study with --arms or without.
+    /// The contact with this index, of a study with --arms or without, of arms whose drives are limited or not.
     ///
     /// # Errors
     /// A case that could not be drawn.
-    fn new(of_arms: bool, seed: u64, index: u64) -> Result<Self, String> {
-        if of_arms {
-            AnyArm::new(seed, index).map(|AnyArm { name, draw }| Self { arm: Some(name), draw })
+    fn new(of_arms: bool, driven: bool, seed: u64, index: u64) -> Result<Self, String> {
+        let drawn = if of_arms {
+            let AnyArm { name, draw } = AnyArm::new(seed, index)?;
+            Self { arm: Some(name), draw }
         } else {
-            Draw::new(seed, index).map(|draw| Self { arm: None, draw })
-        }
+            Self { arm: None, draw: Draw::new(seed, index)? }
+        };
+        Ok(if driven { Self { draw: drawn.draw.with_drives(seed), ..drawn } } else { drawn })
     }
 
-    /// What controllers are tried with it: with --arms the one that believes what is true.
+    /// What controllers are tried with it: with --arms and with drives the one that believes what is true.
     pub(crate) fn variants(&self) -> &'static [Variant] {
-        if self.arm.is_some() { &[Variant::Nominal] } else { &Variant::ALL }
+        if self.arm.is_some() || self.draw.drives.is_some() { &[Variant::Nominal] } else { &Variant::ALL }
+    }
+}
+
+/// The lowest peak in N; without an input that does what is commanded there is none.
+fn peak_of(answer: Result<f64, NoAnswer>) -> Result<f64, String> {
+    match answer {
+        Err(NoAnswer::Contradicted) => Ok(f64::INFINITY),
+        other => other.map_err(String::from),
     }
 }
 
@@ -285,13 +305,17 @@ fn one_case(drawn: Drawn) -> Result<Case, String> {
     let first = runs[0].as_ref().ok().and_then(|seen| seen.first_active.clone());
     let answer = first.as_ref().map(|first| closed_loop::contact(&draw, first).lowest_peak());
     let optimum_n = answer.as_ref().and_then(|answer| answer.as_ref().ok()).map_or(f64::NAN, |answer| answer.optimum_n);
-    let attainable_peak_n = answer.map(|answer| answer.map(|answer| answer.peak_n));
+    let attainable_peak_n = answer.map(|answer| peak_of(answer.map(|answer| answer.peak_n)));
+    // What a command asks of the arm later on no controller may be able to do either.
+    let earlier = runs[0].as_ref().ok().and_then(|seen| seen.before_infeasible.as_ref());
+    let later_peak_n = earlier.map(|earlier| closed_loop::later_contact(&draw, earlier).lowest_peak());
+    let later_peak_n = later_peak_n.map(|answer| peak_of(answer.map(|answer| answer.peak_n)));
     // Only where a contact was lost is it worth the time to ask whether it had to be.
     let has_lost = runs.iter().flatten().any(|seen| seen.is_feasible() && seen.contact_losses > 0);
     let in_contact = |first: &FirstActive| closed_loop::contact(&draw, first).lowest_peak_in_contact();
     let peak_in_contact_n =
         first.as_ref().filter(|_| has_lost).map(|first| in_contact(first).map_or(f64::INFINITY, |a| a.optimum_n));
-    Ok(Case { arm, draw, attainable_peak_n, optimum_n, peak_in_contact_n, runs })
+    Ok(Case { arm, draw, attainable_peak_n, later_peak_n, optimum_n, peak_in_contact_n, runs })
 }
 
 #[cfg(test)]
@@ -301,7 +325,7 @@ mod tests {
     #[test]
     fn the_answer_does_not_depend_on_the_number_of_threads() {
         let text = |threads| {
-            let figures = statistics::figures(11, &cases(11, 12, threads).unwrap());
+            let figures = statistics::figures(11, &cases(false, 11, 12, threads).unwrap());
             serde_json::to_string(&figures).unwrap()
         };
         assert_eq!(text(1), text(3));
@@ -310,7 +334,7 @@ mod tests {
     #[test]
     fn all_variants_become_active_in_the_same_state() {
         for index in 0..8 {
-            let case = one_case(Drawn::new(false, 2, index).unwrap()).unwrap();
+            let case = one_case(Drawn::new(false, false, 2, index).unwrap()).unwrap();
             let first = |run: &Result<closed_loop::Seen, String>| run.as_ref().unwrap().first_active.clone();
             let active = first(&case.runs[0]).unwrap();
             // The judge's arm and surface are the plant's.

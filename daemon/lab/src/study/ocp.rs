@@ -2,6 +2,8 @@
 //! sparse stage form: joint positions and velocities at the start of every input are variables,
 //! tied by the exact first-order lags, and each instant of the grid is one row of seven numbers.
 
+use std::fmt;
+
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 
@@ -11,7 +13,9 @@ use super::attainable::{Contact, JointState};
 /// Distance in s of the instants at which the force counts; within an input that is no multiple of
 /// it, the next smaller distance that divides it.
 pub(super) const GRID_S: f64 = 1e-4;
-const TOLERANCE: f64 = 1e-9;
+/// Tolerances, each with the regularisation of the factorisation: where an interior point breaks off, which it does
+/// of problems that are nearly singular, it is asked again with the next.
+const ATTEMPTS: [(f64, f64); 4] = [(1e-9, 1e-8), (1e-9, 1e-7), (1e-8, 1e-7), (1e-8, 1e-6)];
 const MAX_ITERATIONS: u32 = 200;
 /// Variables of a stage, for each joint: references first, then velocities, then positions.
 const STAGE: usize = 3;
@@ -35,6 +39,30 @@ pub(super) struct Solution {
     pub(super) optimum_n: f64,
     /// Reference in rad/s or m/s of each input.
     pub(super) references: Vec<Vec<f64>>,
+}
+
+/// Why there is no answer.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum NoAnswer {
+    /// No input meets the bounds, whatever the force.
+    Contradicted,
+    /// Clarabel does not solve the problem: its status.
+    Unsolved(String),
+}
+
+impl fmt::Display for NoAnswer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Contradicted => f.write_str("no input keeps the directions that do not give way, within the limits"),
+            Self::Unsolved(status) => f.write_str(status),
+        }
+    }
+}
+
+impl From<NoAnswer> for String {
+    fn from(why: NoAnswer) -> Self {
+        why.to_string()
+    }
 }
 
 /// Rows of A x + s = b as triplets.
@@ -65,14 +93,14 @@ struct Scale {
 /// bounds of the references; with `keeps_contact` also penetration ≥ 0.
 ///
 /// # Errors
-/// Clarabel's status when it does not solve the problem.
+/// [`NoAnswer`].
 pub(super) fn minimise(
     contact: &Contact,
     start: &JointState,
     peak_before_n: f64,
     stages: &[Stage],
     keeps_contact: bool,
-) -> Result<Solution, String> {
+) -> Result<Solution, NoAnswer> {
     let scale = scale(contact, start, peak_before_n);
     let width = STAGE * contact.arm.joints();
     let peak = width * stages.len();
@@ -87,6 +115,7 @@ pub(super) fn minimise(
             rows.push(&[(reference, 1.0)], most / scale.speed);
             rows.push(&[(reference, -1.0)], -least / scale.speed);
         }
+        drive_rows(contact, stages, m, scale, &mut rows);
         let peak = Some(peak);
         force_rows(contact, start, stage, m, peak, scale, &mut rows);
         if keeps_contact {
@@ -159,6 +188,38 @@ fn kept(contact: &Contact, start: &JointState, stages: &[Stage], scale: Scale, r
     }
 }
 
+/// What the drives allow of the reference of one input: its change over the time that the one before was held, and
+/// the change of that.
+fn drive_rows(contact: &Contact, stages: &[Stage], m: usize, scale: Scale, rows: &mut Rows) {
+    let Some(drives) = &contact.drives else { return };
+    let width = STAGE * contact.arm.joints();
+    let held = |m: usize| if m == 0 { contact.sampling_time_s } else { stages[m - 1].duration_s };
+    for joint in 0..contact.arm.joints() {
+        // (r_k − r_{k−1}) / h as entries and a number, in rad/s² or m/s².
+        let change = |k: usize, sign: f64| {
+            let factor = sign * scale.speed / held(k);
+            let mut entries = vec![(width * k + joint, factor)];
+            let known = if k == 0 { -sign * drives.before[joint] / held(0) } else { 0.0 };
+            if k > 0 {
+                entries.push((width * (k - 1) + joint, -factor));
+            }
+            (entries, known)
+        };
+        for sign in [1.0, -1.0] {
+            let unit = 1.0 / drives.acceleration[joint];
+            let scaled = |entries: Vec<(usize, f64)>, by: f64| -> Vec<(usize, f64)> {
+                entries.into_iter().map(|(column, value)| (column, value * by)).collect()
+            };
+            let (entries, known) = change(m, sign);
+            rows.push(&scaled(entries.clone(), unit), 1.0 - known * unit);
+            // Before the first input the reference was steady.
+            let (before, known_before) = if m == 0 { (Vec::new(), 0.0) } else { change(m - 1, -sign) };
+            let unit = 1.0 / (drives.jerk[joint] * held(m));
+            rows.push(&scaled([entries, before].concat(), unit), 1.0 - (known + known_before) * unit);
+        }
+    }
+}
+
 /// The force ≤ s at the instants of one input, its end included; without a variable for s,
 /// penetration ≥ 0 there.
 fn force_rows(
@@ -203,7 +264,7 @@ fn force_rows(
     }
 }
 
-fn solve(gradient: &[f64], rows: &Rows, equalities: usize, inequalities: usize) -> Result<Vec<f64>, String> {
+fn solve(gradient: &[f64], rows: &Rows, equalities: usize, inequalities: usize) -> Result<Vec<f64>, NoAnswer> {
     let variables = gradient.len();
     let (mut i, mut j, mut v) = (Vec::new(), Vec::new(), Vec::new());
     for (row, column, value) in &rows.triplets {
@@ -212,24 +273,30 @@ fn solve(gradient: &[f64], rows: &Rows, equalities: usize, inequalities: usize) 
         v.push(*value);
     }
     let matrix = CscMatrix::new_from_triplets(rows.bounds.len(), variables, i, j, v);
-    let settings = DefaultSettings {
-        verbose: false,
-        max_iter: MAX_ITERATIONS,
-        tol_gap_abs: TOLERANCE,
-        tol_gap_rel: TOLERANCE,
-        tol_feas: TOLERANCE,
-        max_threads: 1,
-        presolve_enable: false,
-        ..DefaultSettings::default()
-    };
     let hessian = CscMatrix::spalloc((variables, variables), 0);
     let cones = [SupportedConeT::ZeroConeT(equalities), SupportedConeT::NonnegativeConeT(inequalities)];
-    let mut solver = DefaultSolver::new(&hessian, gradient, &matrix, &rows.bounds, &cones, settings)
-        .map_err(|error| format!("Clarabel: {error}"))?;
-    solver.solve();
-    match solver.solution.status {
-        // "Almost" is a relative gap of 5e-5 at most: newtons / 20,000.
-        SolverStatus::Solved | SolverStatus::AlmostSolved => Ok(solver.solution.x.clone()),
-        status => Err(format!("Clarabel: {status:?} after {} iterations", solver.solution.iterations)),
+    let mut status = String::new();
+    for (tolerance, regularization) in ATTEMPTS {
+        let settings = DefaultSettings {
+            verbose: false,
+            max_iter: MAX_ITERATIONS,
+            tol_gap_abs: tolerance,
+            tol_gap_rel: tolerance,
+            tol_feas: tolerance,
+            static_regularization_constant: regularization,
+            max_threads: 1,
+            presolve_enable: false,
+            ..DefaultSettings::default()
+        };
+        let mut solver = DefaultSolver::new(&hessian, gradient, &matrix, &rows.bounds, &cones, settings)
+            .map_err(|error| NoAnswer::Unsolved(format!("Clarabel: {error}")))?;
+        solver.solve();
+        match solver.solution.status {
+            // "Almost" is a relative gap of 5e-5 at most: newtons / 20,000.
+            SolverStatus::Solved | SolverStatus::AlmostSolved => return Ok(solver.solution.x.clone()),
+            SolverStatus::PrimalInfeasible => return Err(NoAnswer::Contradicted),
+            other => status = format!("Clarabel: {other:?} after {} iterations", solver.solution.iterations),
+        }
     }
+    Err(NoAnswer::Unsolved(status))
 }

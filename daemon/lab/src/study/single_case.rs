@@ -26,6 +26,16 @@ pub(crate) fn describe(drawn: &Drawn) -> Result<String, String> {
                 first.normal_force_n, answer.peak_n, answer.optimum_n
             );
         }
+        if let Some(earlier) = &seen.before_infeasible {
+            let _ = match closed_loop::later_contact(draw, earlier).lowest_peak() {
+                Ok(answer) => writeln!(
+                    text,
+                    "60 ms before the first infeasible verdict: lowest attainable peak {:.3} N",
+                    answer.peak_n
+                ),
+                Err(why) => writeln!(text, "60 ms before the first infeasible verdict: {why}"),
+            };
+        }
         let over =
             if statistics::exceeds(seen.peak_while_feasible_n, draw.normal_force_limit_n()) { ", unsound" } else { "" };
         let _ = writeln!(

@@ -27,6 +27,8 @@ pub(crate) struct Case {
     /// Lowest attainable peak of the nonlinear arm in N; `None` without an active sample, `Err`
     /// when it was not found.
     pub(crate) attainable_peak_n: Option<Result<f64, String>>,
+    /// The same of the nominal run from a state shortly before its verdict was withdrawn, where it was.
+    pub(crate) later_peak_n: Option<Result<f64, String>>,
     /// Optimum of the last linearisation in N.
     pub(crate) optimum_n: f64,
     /// The lowest peak in N, by the linear problem, of inputs that never lose contact; asked only
@@ -57,6 +59,13 @@ impl Case {
     /// `None` when there is nothing to attain, or the judge did not find out.
     pub(crate) fn is_attainable(&self) -> Option<bool> {
         self.peak_n().map(|peak| peak <= self.limit_n())
+    }
+
+    /// Whether the limit can be kept from the first active sample on, and later no longer, in the nominal run: the
+    /// command asks for what no controller can do there. Where the judge does not know it is the controller's fault.
+    pub(crate) fn is_outpaced(&self) -> bool {
+        let later = self.later_peak_n.as_ref().and_then(|peak| peak.as_ref().ok());
+        self.is_attainable() == Some(true) && later.is_some_and(|peak| *peak > self.limit_n())
     }
 
     /// Whether the optimum of the linear problem keeps the limit and its inputs, on the nonlinear
@@ -121,6 +130,9 @@ pub(crate) struct Column {
     pub(crate) timid_runs: u32,
     /// Feasible first, infeasible later.
     pub(crate) withdrawn: u32,
+    /// Feasible first, infeasible later, where from shortly before that on no input does what is commanded within
+    /// the limits: in none of the three above.
+    pub(crate) outpaced: u32,
     /// Contact losses in feasible runs.
     pub(crate) contact_losses: u32,
     /// Feasible runs that lost contact.
@@ -157,6 +169,7 @@ pub(crate) struct Examples {
     pub(crate) unsound: Vec<u64>,
     pub(crate) timid: Vec<u64>,
     pub(crate) withdrawn: Vec<u64>,
+    pub(crate) outpaced: Vec<u64>,
     /// Feasible runs that lost contact.
     pub(crate) lost: Vec<u64>,
     /// Stops with more than [`HIGH_PEAK`] times the lowest attainable peak.
@@ -252,6 +265,7 @@ fn column<'a>(cases: impl Iterator<Item = &'a Case>, variant: usize) -> Column {
         timid: None,
         timid_runs: 0,
         withdrawn: 0,
+        outpaced: 0,
         contact_losses: 0,
         runs_with_contact_losses: 0,
         unavoidable_losses: 0,
@@ -284,7 +298,8 @@ fn column<'a>(cases: impl Iterator<Item = &'a Case>, variant: usize) -> Column {
                 continue;
             }
         };
-        let (limit, attainable) = (case.limit_n(), case.is_attainable() == Some(true));
+        let outpaced = variant == 0 && case.is_outpaced();
+        let (limit, attainable) = (case.limit_n(), case.is_attainable() == Some(true) && !outpaced);
         column.counted += 1;
         column.attainable += u32::from(attainable);
         if exceeds(seen.peak_while_feasible_n, limit) {
@@ -302,6 +317,9 @@ fn column<'a>(cases: impl Iterator<Item = &'a Case>, variant: usize) -> Column {
                 column.unavoidable_losses += u32::from(is_unavoidable);
                 example(&mut column.examples.lost, case);
             }
+        } else if outpaced {
+            column.outpaced += 1;
+            example(&mut column.examples.outpaced, case);
         } else {
             if attainable {
                 column.timid_runs += 1;

@@ -12,7 +12,7 @@ type Cell = fn(&Column) -> String;
 
 /// One row per figure, one column per variant or arm, and a line per decade of stiffness below.
 pub(crate) fn table(figures: &Figures) -> String {
-    let rows: [(&str, Cell); 17] = [
+    let rows: [(&str, Cell); 18] = [
         ("counted runs", |c| c.counted.to_string()),
         ("attainable", |c| c.attainable.to_string()),
         ("feasible", |c| c.feasible.to_string()),
@@ -22,6 +22,7 @@ pub(crate) fn table(figures: &Figures) -> String {
             None => "-".to_owned(),
         }),
         ("withdrawn", |c| c.withdrawn.to_string()),
+        ("outpaced by the command later", |c| c.outpaced.to_string()),
         ("contact losses (runs; unavoidable)", |c| {
             format!("{} ({}; {})", c.contact_losses, c.runs_with_contact_losses, c.unavoidable_losses)
         }),
@@ -34,10 +35,10 @@ pub(crate) fn table(figures: &Figures) -> String {
         ("apart: under 3 samples in contact", |c| c.brief.to_string()),
         ("apart: no active sample", |c| c.no_contact.to_string()),
         ("apart: failed", |c| c.failed.to_string()),
-        ("look at (unsound; timid; withdrawn; lost; high)", |c| {
+        ("look at (unsound; timid; withdrawn; outpaced; lost; high)", |c| {
             let some = |list: &[u64]| list.iter().take(3).map(u64::to_string).collect::<Vec<_>>().join(" ");
             let e = &c.examples;
-            [&e.unsound, &e.timid, &e.withdrawn, &e.lost, &e.high].map(|list| some(list)).join("; ")
+            [&e.unsound, &e.timid, &e.withdrawn, &e.outpaced, &e.lost, &e.high].map(|list| some(list)).join("; ")
         }),
     ];
     let other = |variant: &Variant| Some((variant.name(), figures.variants.get(variant.name())?));

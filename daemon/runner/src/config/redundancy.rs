@@ -41,9 +41,10 @@ config_section! {
         /// and at most a tenth of the joint's range. 0 keeps it to the limit itself.
         limit_margin_rad: Option<Vec<f64>>, unit "rad, m", range 0.0..=10.0, length 2..=8;
         /// Largest part of each joint's limits.joint_speed_rad_s that such a motion takes; one that is
-        /// commanded is not counted.
+        /// commanded is not counted, and keeping joints from their limits may take all of it.
         speed_share: f64 = 0.25, unit "1", range 0.01..=0.9;
-        /// By how much such a motion changes at most.
+        /// By how much such a motion changes at most. Where limits.joint_acceleration_rad_s2 and
+        /// joint_jerk_rad_s3 are told it has a fifth of them, and the twist the others.
         acceleration_rad_s2: f64 = 2.0, unit "rad/s^2, m/s^2", range 0.01..=1000.0;
         /// Damps J⁻¹ near singular poses: joints stay slower, and the TCP moves less than it is told. The square
         /// of λ at a singular pose, in the units of J, is that of this.
@@ -158,10 +159,10 @@ pub(super) fn check_redundancy(config: &Config, errors: &mut Vec<ConfigError>) {
         let accepted = format!("above control.minimum_reciprocal_condition = {least}, below which the arm is stopped");
         wants("redundancy.damping_below", below.to_string(), accepted);
     }
-    if let Some(limits) = config.limits.joint_acceleration_rad_s2.as_ref().filter(|_| section.is_told()) {
-        // What is streamed would be reckoned without what the joints do beside the task.
-        let accepted = "no such key with [redundancy]";
-        wants("limits.joint_acceleration_rad_s2", format!("{limits:?}"), accepted.to_owned());
+    if let (Some(factor), Some(_)) = (section.damping_factor, &config.limits.joint_acceleration_rad_s2) {
+        // References are ramped by twists, of which a damped inverse leaves a part undone.
+        let accepted = "no such key with limits.joint_acceleration_rad_s2";
+        wants("redundancy.damping_factor", factor.to_string(), accepted.to_owned());
     }
     // The commanded position is of another resolution: what the joints do here is no way off it.
     if section.is_told() && config.mpc.weights == WeightSpace::Joint {
@@ -280,6 +281,18 @@ mod tests {
                 "{section}"
             );
         }
+        // With drives that refuse jumps, but for a damped inverse, by whose twists no reference is ramped.
+        let driven = SEVEN.replacen(
+            "[limits]",
+            "[limits]\njoint_acceleration_rad_s2 = [10.0, 10.0, 10.0, 10.0, 10.0, 10.0, 10.0]",
+            1,
+        );
+        assert!(parsed(&driven, "resolution = \"keep\"", false).is_ok());
+        let damped = parsed(&driven, "damping_factor = 0.1\ndamping_below = 0.05", false).expect_err("damped");
+        assert!(
+            damped.contains("redundancy.damping_factor = 0.1") && damped.contains("no such key with limits."),
+            "{damped}"
+        );
         // Of an arm without a redundant joint near its singular poses.
         assert!(parsed(SIX, "damping_factor = 0.1\ndamping_below = 0.05", false).is_ok());
     }

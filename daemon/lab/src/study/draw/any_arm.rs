@@ -108,6 +108,7 @@ fn candidate(
         velocity_time_constant_s,
         wrench_time_constant_s: within(-0.003, 0.030).max(0.0),
         joint_speed_limit,
+        drives: None,
         sampling_time_s: SAMPLING_TIMES_S[(within(0.0, 5.0) as usize).min(4)],
         delay_cycles: u32::from(within(0.0, 1.0) < 0.5),
         contact_phase: within(0.0, 1.0),

@@ -3,6 +3,7 @@
 
 mod any_arm;
 mod arms;
+mod drives;
 mod planar;
 
 use rand::RngExt;
@@ -13,6 +14,7 @@ use super::task::{LEAST_NORMAL_COMPONENT, Task, inward_m_s};
 
 pub(crate) use any_arm::AnyArm;
 pub(crate) use arms::{ArmName, Arms};
+pub(crate) use drives::Drives;
 
 /// Sampling times T_s in s.
 pub(crate) const SAMPLING_TIMES_S: [f64; 5] = [0.004, 0.002, 0.001, 0.0005, 0.00025];
@@ -63,6 +65,8 @@ pub(crate) struct Draw {
     pub(crate) wrench_time_constant_s: f64,
     /// Limit of each joint's speed references in rad/s or m/s.
     pub(crate) joint_speed_limit: Vec<f64>,
+    /// What the drives allow; `None` is any reference.
+    pub(crate) drives: Option<Drives>,
     /// T_s in s.
     pub(crate) sampling_time_s: f64,
     /// Cycles from a sample to the instant at which its command acts.

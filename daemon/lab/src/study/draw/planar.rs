@@ -72,6 +72,7 @@ impl Draw {
             velocity_time_constant_s: vec![0.015, 0.010],
             wrench_time_constant_s: 0.020,
             joint_speed_limit: vec![3.0; 2],
+            drives: None,
             sampling_time_s,
             delay_cycles: 0,
             contact_phase,
@@ -102,6 +103,7 @@ fn candidate(generator: &mut ChaCha8Rng, index: u64, stiffness_n_m: f64, near_th
         // An ideal sensor now and then.
         wrench_time_constant_s: uniform(-0.003, 0.030).max(0.0),
         joint_speed_limit: vec![uniform(1.5, 6.0); 2],
+        drives: None,
         sampling_time_s: SAMPLING_TIMES_S[(uniform(0.0, 5.0) as usize).min(4)],
         delay_cycles: u32::from(uniform(0.0, 1.0) < 0.5),
         contact_phase: uniform(0.0, 1.0),

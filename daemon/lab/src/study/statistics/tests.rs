@@ -22,7 +22,23 @@ fn case(attainable_share: f64, change: impl Fn(&mut Seen, f64)) -> Case {
     change(&mut seen, limit);
     let peak = attainable_share * limit;
     let runs = Variant::ALL.map(|_| Ok(seen.clone())).to_vec();
-    Case { arm: None, draw, attainable_peak_n: Some(Ok(peak)), optimum_n: peak, peak_in_contact_n: None, runs }
+    let attainable_peak_n = Some(Ok(peak));
+    Case { arm: None, draw, attainable_peak_n, later_peak_n: None, optimum_n: peak, peak_in_contact_n: None, runs }
+}
+
+/// What no controller can do later is nobody's fault; what the judge does not know is the controller's.
+#[test]
+fn a_verdict_that_the_command_outpaced_is_counted_apart() {
+    let withdrawn = |later_share: Option<Result<f64, String>>| {
+        let case = case(0.8, |seen, _| seen.infeasible_cycles = 1);
+        let limit = case.limit_n();
+        Case { later_peak_n: later_share.map(|share| share.map(|share| share * limit)), ..case }
+    };
+    let unknown = || Some(Err("unsolved".to_owned()));
+    let cases = [None, Some(Ok(0.9)), unknown(), Some(Ok(1.1)), Some(Ok(f64::INFINITY))].map(withdrawn);
+    let column = figures(1, &cases).nominal;
+    assert_eq!((column.counted, column.attainable, column.timid_runs), (5, 3, 3));
+    assert_eq!((column.withdrawn, column.outpaced), (3, 2));
 }
 
 #[test]
