@@ -157,7 +157,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
                 }
                 _ => None,
             };
-            supervisor.heed(guards, singular, sample, output.is_zero());
+            supervisor.heed(guards, singular, sample, output.may_be_left());
         }
         supervisor.count_exceeded(belief);
         if matches!(supervisor.mode(), Mode::Idle(_)) {

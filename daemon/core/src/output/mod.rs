@@ -354,6 +354,12 @@ impl<const N: usize, const D: usize> Output<N, D> {
         is_zero(&self.offset)
     }
 
+    /// Whether the motion controller may move the arm by itself from here on: there is no offset, and nothing beside the
+    /// task that the drives could not do without at once.
+    pub(crate) fn may_be_left(&self) -> bool {
+        self.is_zero() && self.beside.may_be_held
+    }
+
     /// Commands that are still to act.
     pub(crate) fn under_way(&self) -> &UnderWay<D> {
         &self.under_way
