@@ -48,7 +48,7 @@ enum What {
         its state some input, held for a sampling time each, keeps the force limits for 100 ms. Feasible: no verdict of the \
         run is infeasible. Unsound: a limit exceeded by more than 0.5 N + 0.5 % in a cycle whose verdict was feasible. \
         Timid: infeasible though attainable, at once or later. Withdrawn: feasible first, infeasible later. \
-        Outpaced, and none of these: an infeasible verdict after that, 60 ms before which no input follows the command within the limits \
+        Outpaced, and withdrawn all the same: an infeasible verdict 60 ms before which no input follows the command within the limits \
         for 100 ms. With --drive-limits the inputs of the judge keep the limits of acceleration and jerk as well. The same seed gives the same \
         answer, whatever the number of threads.\n\n\
         With --surface, of contacts apart from brief ones and those over the limit at the first active sample: safe: every verdict was; \

@@ -62,7 +62,7 @@ impl Case {
     }
 
     /// Whether the limit can be kept from the first active sample on, and later no longer, in the nominal run: the
-    /// command asks for what no controller can do there. Where the judge does not know it is the controller's fault.
+    /// command asks for what no controller can do there. Where the judge does not know it is not said.
     pub(crate) fn is_outpaced(&self) -> bool {
         let later = self.later_peak_n.as_ref().and_then(|peak| peak.as_ref().ok());
         self.is_attainable() == Some(true) && later.is_some_and(|peak| *peak > self.limit_n())
@@ -130,8 +130,7 @@ pub(crate) struct Column {
     pub(crate) timid_runs: u32,
     /// Feasible first, infeasible later.
     pub(crate) withdrawn: u32,
-    /// Feasible first, infeasible later, where from shortly before that on no input does what is commanded within
-    /// the limits: in none of the three above.
+    /// Of these: from shortly before the infeasible verdict on no input does what is commanded within the limits.
     pub(crate) outpaced: u32,
     /// Contact losses in feasible runs.
     pub(crate) contact_losses: u32,
@@ -298,8 +297,7 @@ fn column<'a>(cases: impl Iterator<Item = &'a Case>, variant: usize) -> Column {
                 continue;
             }
         };
-        let outpaced = variant == 0 && case.is_outpaced();
-        let (limit, attainable) = (case.limit_n(), case.is_attainable() == Some(true) && !outpaced);
+        let (limit, attainable) = (case.limit_n(), case.is_attainable() == Some(true));
         column.counted += 1;
         column.attainable += u32::from(attainable);
         if exceeds(seen.peak_while_feasible_n, limit) {
@@ -317,10 +315,11 @@ fn column<'a>(cases: impl Iterator<Item = &'a Case>, variant: usize) -> Column {
                 column.unavoidable_losses += u32::from(is_unavoidable);
                 example(&mut column.examples.lost, case);
             }
-        } else if outpaced {
-            column.outpaced += 1;
-            example(&mut column.examples.outpaced, case);
         } else {
+            if variant == 0 && case.is_outpaced() {
+                column.outpaced += 1;
+                example(&mut column.examples.outpaced, case);
+            }
             if attainable {
                 column.timid_runs += 1;
                 example(&mut column.examples.timid, case);

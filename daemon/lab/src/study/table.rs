@@ -22,7 +22,7 @@ pub(crate) fn table(figures: &Figures) -> String {
             None => "-".to_owned(),
         }),
         ("withdrawn", |c| c.withdrawn.to_string()),
-        ("outpaced by the command later", |c| c.outpaced.to_string()),
+        ("of these outpaced by the command later", |c| c.outpaced.to_string()),
         ("contact losses (runs; unavoidable)", |c| {
             format!("{} ({}; {})", c.contact_losses, c.runs_with_contact_losses, c.unavoidable_losses)
         }),
