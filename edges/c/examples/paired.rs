@@ -5,7 +5,7 @@
 //! `cargo run --release -p admittance-client-c --example paired -- PREFIX/lib/libadmittance_client.so`: they are those of the
 //! library as it was installed, and called by their addresses in it.
 
-use std::ffi::{CStr, CString, OsStr, OsString, c_char};
+use std::ffi::{CStr, CString, OsStr, OsString, c_char, c_void};
 use std::io::{BufRead, BufReader};
 use std::mem::transmute;
 use std::os::unix::ffi::OsStrExt;
@@ -92,15 +92,23 @@ fn awaited<T>(mut receive: impl FnMut() -> Option<T>) -> (Duration, T) {
     }
 }
 
+type Open = unsafe extern "C" fn(*const Options, *mut *mut Client, *mut c_char, usize) -> Status;
+type Begin = unsafe extern "C" fn(*mut Client, u64, *mut StateSample) -> Status;
+type Publish = unsafe extern "C" fn(*mut Client, *const StateSample) -> Status;
+type Receive = unsafe extern "C" fn(*mut Client, u64) -> Status;
+type Apply = unsafe extern "C" fn(*mut Client, u64, *mut Instruction) -> Status;
+type MakeReady = unsafe extern "C" fn(*mut Client) -> Status;
+type Close = unsafe extern "C" fn(*mut Client);
+
 /// What is called in C.
 struct Functions {
-    open: unsafe extern "C" fn(*const Options, *mut *mut Client, *mut c_char, usize) -> Status,
-    begin: unsafe extern "C" fn(*mut Client, u64, *mut StateSample) -> Status,
-    publish: unsafe extern "C" fn(*mut Client, *const StateSample) -> Status,
-    receive: unsafe extern "C" fn(*mut Client, u64) -> Status,
-    apply: unsafe extern "C" fn(*mut Client, u64, *mut Instruction) -> Status,
-    make_ready: unsafe extern "C" fn(*mut Client) -> Status,
-    close: unsafe extern "C" fn(*mut Client),
+    open: Open,
+    begin: Begin,
+    publish: Publish,
+    receive: Receive,
+    apply: Apply,
+    make_ready: MakeReady,
+    close: Close,
 }
 
 impl Functions {
@@ -131,13 +139,13 @@ impl Functions {
         // SAFETY: each function has the type that the header, which is written from these declarations, gives it.
         unsafe {
             Self {
-                open: transmute(address(c"admittance_client_open")),
-                begin: transmute(address(c"admittance_client_begin")),
-                publish: transmute(address(c"admittance_client_publish")),
-                receive: transmute(address(c"admittance_client_receive")),
-                apply: transmute(address(c"admittance_client_apply")),
-                make_ready: transmute(address(c"admittance_client_make_ready")),
-                close: transmute(address(c"admittance_client_close")),
+                open: transmute::<*mut c_void, Open>(address(c"admittance_client_open")),
+                begin: transmute::<*mut c_void, Begin>(address(c"admittance_client_begin")),
+                publish: transmute::<*mut c_void, Publish>(address(c"admittance_client_publish")),
+                receive: transmute::<*mut c_void, Receive>(address(c"admittance_client_receive")),
+                apply: transmute::<*mut c_void, Apply>(address(c"admittance_client_apply")),
+                make_ready: transmute::<*mut c_void, MakeReady>(address(c"admittance_client_make_ready")),
+                close: transmute::<*mut c_void, Close>(address(c"admittance_client_close")),
             }
         }
     }
