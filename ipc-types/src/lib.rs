@@ -42,6 +42,7 @@ pub use enums::{
 };
 pub use errors::{PortError, ServiceError};
 pub use instance::{Instance, InstanceError, MAX_INSTANCE_LENGTH};
+pub use layout::WireSample;
 pub use place::{PlaceError, USERS_ROOT_PATH, effective_user, open_file, open_root, user_name, users_root_path};
 pub use ports::{
     ActiveRequest, Client, Event, Listener, Notifier, PendingResponse, PublishSubscribe, Publisher, RequestResponse,

@@ -128,6 +128,23 @@ pub const DIAGNOSTICS: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
     qos: NEWEST,
 };
 
+/// Records as `admittancectl relay` hands them on, in a place of its own. What carries them from there to another machine
+/// wants a publisher beside the one that it reads.
+pub const RELAYED_RECORD: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
+    program: "admittancectl relay",
+    writer: "admittancectl relay",
+    qos: PublishSubscribeQos { max_publishers: 2, max_subscribers: RECORD.qos.max_subscribers + 1, ..RECORD.qos },
+    ..RECORD
+};
+
+/// Diagnostics as `admittancectl relay` hands them on.
+pub const RELAYED_DIAGNOSTICS: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
+    program: "admittancectl relay",
+    writer: "admittancectl relay",
+    qos: PublishSubscribeQos { max_publishers: 2, ..DIAGNOSTICS.qos },
+    ..DIAGNOSTICS
+};
+
 /// Where other programs lead the arm.
 pub const TWIST: ServiceSpec<PublishSubscribeQos> = ServiceSpec {
     name: "twist",
@@ -234,6 +251,25 @@ pub fn diagnostics(
     access: Access,
 ) -> Result<PublishSubscribe<DiagnosticsSample>, ServiceError> {
     publish_subscribe(node, instance, access, &DIAGNOSTICS)
+}
+
+/// Records that are handed on: `admittanced/INSTANCE/record` of another place.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn relayed_record(node: &Node, instance: &Instance) -> Result<PublishSubscribe<RecordSample>, ServiceError> {
+    publish_subscribe(node, instance, Access::OpenOrCreate, &RELAYED_RECORD)
+}
+
+/// Diagnostics that are handed on: `admittanced/INSTANCE/diagnostics` of another place.
+///
+/// # Errors
+/// [`ServiceError`].
+pub fn relayed_diagnostics(
+    node: &Node,
+    instance: &Instance,
+) -> Result<PublishSubscribe<DiagnosticsSample>, ServiceError> {
+    publish_subscribe(node, instance, Access::OpenOrCreate, &RELAYED_DIAGNOSTICS)
 }
 
 /// Where other programs lead the arm: `admittanced/INSTANCE/twist`.

@@ -21,6 +21,8 @@ const MATPLOTLIB_PYTHON_VERSION: &str = "3.11.2";
 const SETUPTOOLS_PYTHON_VERSION: &str = "84.2.1";
 /// The version of the type checker.
 const MYPY_PYTHON_VERSION: &str = "2.4.1";
+/// The version of the tunnel that carries records to other machines.
+const TUNNEL_VERSION: &str = "0.10.0";
 
 /// The version of the package that EGM messages are held to.
 const ABB_ROBOT_EGM_PYTHON_VERSION: &str = "1.0.7";
@@ -50,6 +52,9 @@ pub enum Need {
     CToolchain,
     /// dpkg, binutils and lintian.
     Packages,
+    /// iceoryx2's tunnel over zenoh, of [`TUNNEL_VERSION`]: see [`tunnel`]; and the means (root, iproute2, namespaces) to make
+    /// two machines of one.
+    Tunnel,
 }
 
 /// Whether the machine has what a test needs. If not, says `SKIPPED: reason`, and the test returns:
@@ -108,6 +113,7 @@ fn look_for(need: Need) -> Result<(), String> {
         Need::Packages => {
             ["dpkg-deb", "strip", "objdump", "lintian"].iter().try_for_each(|program| run(program, &["--version"]))
         }
+        Need::Tunnel => root().and_then(|()| two_machines()).and_then(|()| find_tunnel().map(|_| ())),
         Need::CToolchain => {
             ["gcc", "g++", "pkg-config", "nm"].iter().try_for_each(|program| run(program, &["--version"]))
         }
@@ -132,12 +138,36 @@ fn systemd() -> Result<(), String> {
     run("unshare", &["--fork", "--pid", "--mount", "--uts", "--ipc", "--cgroup", "--mount-proc", "true"])
 }
 
+fn two_machines() -> Result<(), String> {
+    run("ip", &["-Version"])?;
+    run("nsenter", &["--version"])?;
+    run("setpriv", &["--version"])?;
+    run("taskset", &["--version"])?;
+    run("unshare", &["--net", "--mount", "--time", "--monotonic", "1", "--fork", "true"])
+}
+
+/// iceoryx2's tunnel: the one in PATH, or the one that `.ci/run` installs.
+pub fn tunnel() -> Option<PathBuf> {
+    find_tunnel().ok()
+}
+
+fn find_tunnel() -> Result<PathBuf, String> {
+    let name = "iox2-link-tunnel-zenoh";
+    let candidates = [Some(PathBuf::from(name)), installed_by_ci(&format!("tools/bin/{name}"))];
+    let is_it = |program: &PathBuf| {
+        let said = Command::new(program).arg("--version").stdin(Stdio::null()).output();
+        said.is_ok_and(|said| String::from_utf8_lossy(&said.stdout).trim_end().ends_with(TUNNEL_VERSION))
+    };
+    let found = candidates.into_iter().flatten().find(is_it);
+    found.ok_or_else(|| format!("there is no {name} {TUNNEL_VERSION}: docs/monitoring.md says how to install it"))
+}
+
 fn find_python() -> &'static Result<PathBuf, String> {
     static FOUND: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     FOUND.get_or_init(|| {
         let candidates = match std::env::var_os(PYTHON).filter(|path| !path.is_empty()) {
             Some(path) => vec![PathBuf::from(path)],
-            None => installed_by_ci().into_iter().chain([PathBuf::from("python3")]).collect(),
+            None => installed_by_ci("python/bin/python3").into_iter().chain([PathBuf::from("python3")]).collect(),
         };
         let versions =
             [("iceoryx2", ICEORYX2_PYTHON_VERSION), ("mcap", MCAP_PYTHON_VERSION), ("mujoco", MUJOCO_PYTHON_VERSION)];
@@ -184,11 +214,11 @@ fn python_tools(python: &Path) -> Result<(), String> {
     run(&python.to_string_lossy(), &["-c", &version_checks(&versions)])
 }
 
-/// Where `.ci/run` keeps its Python.
-fn installed_by_ci() -> Option<PathBuf> {
+/// What `.ci/run` keeps there.
+fn installed_by_ci(file: &str) -> Option<PathBuf> {
     let cache = std::env::var_os("XDG_CACHE_HOME").filter(|path| !path.is_empty()).map(PathBuf::from);
     let cache = cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")))?;
-    Some(cache.join("admittanced-ci/python/bin/python3")).filter(|path| path.exists())
+    Some(cache.join("admittanced-ci").join(file)).filter(|path| path.exists())
 }
 
 /// Runs a program to see whether it works; the error names it and ends with the last line that it

@@ -24,6 +24,7 @@ pub mod parallel;
 pub mod plausible;
 mod record;
 pub mod recording;
+mod relay;
 mod replay;
 pub mod report;
 pub mod request;
@@ -79,6 +80,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Record what a running daemon is given and what it answers.
     Record(record::Args),
+    /// Hand records and diagnostics of a running daemon on to a place from which other machines may read them.
+    Relay(relay::Args),
     /// Run the law over a recording again and compare every answer, bit by bit.
     Replay(replay::Args),
     /// Draw force, velocity offset and path of a recording.
@@ -157,6 +160,7 @@ fn run(command: Command) -> Outcome<Exit> {
         Command::Top(args) => top::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Record(args) => record::run(&args),
+        Command::Relay(args) => relay::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Identify(args) => identify::run(&args),

@@ -5,14 +5,15 @@ use std::path::PathBuf;
 use admittance_host::config::{self, LoadError};
 use admittance_host::time_limit::TimeLimit;
 use admittance_runner::config::Config;
-use ipc_types::{IpcSettings, Node};
+use ipc_types::{Instance, IpcSettings, Node};
 
 use crate::Exit;
 
 /// Arguments that say which daemon.
 #[derive(Debug, clap::Args)]
 pub struct Target {
-    /// The daemon's configuration; /etc/admittanced/INSTANCE.toml when absent.
+    /// The daemon's configuration; /etc/admittanced/INSTANCE.toml when absent. None is read where instance, root path and
+    /// prefix are all given, but by `record`, which keeps it with the recording.
     #[arg(long)]
     config: Option<PathBuf>,
     /// Name of the daemon; overrides ipc.instance.
@@ -50,6 +51,23 @@ impl Target {
         })
     }
 
+    /// Where the daemon is. Who says all of it needs no configuration: on another machine there is none.
+    fn settings(&self) -> Result<IpcSettings, (Exit, String)> {
+        if let (None, Some(instance), Some(root_path), Some(prefix)) =
+            (&self.config, &self.instance, &self.root_path, &self.prefix)
+        {
+            let instance = Instance::new(instance).map_err(|error| (Exit::Config, error.to_string()))?;
+            let settings = IpcSettings { root_path: root_path.clone(), prefix: prefix.clone(), instance };
+            settings.validate().map_err(|error| (Exit::Config, error.to_string()))?;
+            return Ok(settings);
+        }
+        let config = self.configuration()?;
+        config
+            .ipc
+            .settings(self.instance.as_deref(), self.root_path.clone(), self.prefix.clone())
+            .map_err(|why| (Exit::Config, why))
+    }
+
     /// A node where the daemon is, the place, and a limit for the time that opening its services
     /// may take: drop it when they are open.
     ///
@@ -57,11 +75,7 @@ impl Target {
     /// Why there is none: no configuration, or not a usable one; no shared memory.
     pub fn connect(&self) -> Result<(Node, IpcSettings, TimeLimit), (Exit, String)> {
         ipc_types::quiet_iceoryx2();
-        let config = self.configuration()?;
-        let settings = config
-            .ipc
-            .settings(self.instance.as_deref(), self.root_path.clone(), self.prefix.clone())
-            .map_err(|why| (Exit::Config, why))?;
+        let settings = self.settings()?;
         let opening = TimeLimit::of_opening("admittancectl", &settings.prefix);
         let node = settings
             .visiting_node("admittancectl")

@@ -144,9 +144,21 @@ impl Lead {
 
     /// ṗ0 from `now_ns` on, m/s and rad/s, base frame, for a tool that stands so.
     pub fn twist(&mut self, now_ns: u64, tool: &Rotation) -> [f64; TASK_AXES] {
+        let wanted = self.wanted(now_ns, tool);
+        self.ramp(now_ns, wanted)
+    }
+
+    /// The same between two state samples, where the daemon knows of nothing new: ṗ0 stays as it was told last, and goes to
+    /// zero when nothing counts any more.
+    pub fn coast(&mut self, now_ns: u64) -> [f64; TASK_AXES] {
+        let wanted = if self.counts(now_ns).is_some() { self.twist } else { [0.0; TASK_AXES] };
+        self.ramp(now_ns, wanted)
+    }
+
+    /// As far towards `wanted` as the limits allow in the time since it was last looked at.
+    fn ramp(&mut self, now_ns: u64, wanted: [f64; TASK_AXES]) -> [f64; TASK_AXES] {
         let looked_ns = self.looked_ns.replace(now_ns).unwrap_or(now_ns);
         let elapsed_s = now_ns.saturating_sub(looked_ns).min(LONGEST_STEP_NS) as f64 * 1e-9;
-        let wanted = self.wanted(now_ns, tool);
         let steps = [self.limits.linear_acceleration_m_s2, self.limits.angular_acceleration_rad_s2];
         for (part, step) in [0..3, 3..TASK_AXES].into_iter().zip(steps.map(|rate| rate * elapsed_s)) {
             let change: [f64; 3] =
@@ -172,9 +184,14 @@ impl Lead {
         (self.twist, self.looked_ns) = ([0.0; TASK_AXES], None);
     }
 
+    /// The newest sample, while it counts.
+    fn counts(&self, now_ns: u64) -> Option<Led> {
+        self.newest.filter(|led| now_ns < led.until_ns)
+    }
+
     /// What the newest sample asks for at this instant, within the limits of speed, base frame.
     fn wanted(&self, now_ns: u64, tool: &Rotation) -> [f64; TASK_AXES] {
-        let Some(led) = self.newest.filter(|led| now_ns < led.until_ns) else { return [0.0; TASK_AXES] };
+        let Some(led) = self.counts(now_ns) else { return [0.0; TASK_AXES] };
         let [vx, vy, vz, rx, ry, rz] = led.twist;
         let (linear, angular) = match led.frame {
             TwistFrame::Base => ([vx, vy, vz], [rx, ry, rz]),
@@ -241,6 +258,25 @@ mod tests {
         }
         assert_eq!(led(&mut lead, 1144 * MS, 1), [0.0; TASK_AXES]);
         assert_eq!(led(&mut lead, 1148 * MS, 1), [0.0; TASK_AXES]);
+    }
+
+    #[test]
+    fn between_samples_it_never_grows_and_goes_to_zero_when_its_time_is_over() {
+        let mut lead = looked_at(1000 * MS);
+        lead.take(&sample(1, 1000 * MS, [0.0, 0.0, -0.05, 0.0, 0.0, 0.0]), 1000 * MS).expect("sound");
+        let told = led(&mut lead, 1000 * MS, 5);
+        assert_eq!(told[2], -0.02);
+        // What the program asks for now is for the next state sample.
+        lead.take(&sample(2, 1020 * MS, [0.09, 0.0, 0.0, 0.0, 0.0, 0.4]), 1020 * MS).expect("sound");
+        for cycle in 6..=29 {
+            assert_eq!(lead.coast((1000 + 4 * cycle) * MS), told, "cycle {cycle}");
+        }
+        // Until 1120 ms: from then on 20 ms to zero.
+        for cycle in 30..=34 {
+            let now = lead.coast((1000 + 4 * cycle) * MS)[2];
+            assert!((now + 0.02 - 0.004 * (cycle - 29) as f64).abs() < 1e-12, "cycle {cycle}: {now}");
+        }
+        assert_eq!(lead.coast(1140 * MS), [0.0; TASK_AXES]);
     }
 
     #[test]

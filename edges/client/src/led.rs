@@ -46,6 +46,11 @@ impl Led {
         self.lead.twist(now_ns, tool)
     }
 
+    /// ṗ0 between two state samples: nothing new is taken, since the daemon would not know of it.
+    pub fn coast(&mut self, now_ns: u64) -> [f64; TASK_AXES] {
+        self.lead.coast(now_ns)
+    }
+
     /// The arm stands, and nobody has led it there: what was asked for before does not count.
     pub fn rest(&mut self) {
         // What waits was asked for before, too.

@@ -16,7 +16,7 @@ use crate::lead::Lead;
 use crate::leader::Leader;
 use crate::link::{Link, Received};
 use crate::notify::Notify;
-use crate::reading::{BadMessage, Reading};
+use crate::reading::{BadMessage, Leads, Reading};
 use crate::session::{Measured, Session};
 
 /// A session is over when no message has counted for so long, in ns; the next message begins another one.
@@ -208,7 +208,8 @@ impl Edge {
             return Ok(Some(Outcome::Ignored));
         }
         let message = EgmRobot::decode(datagram).map_err(BadMessage::from);
-        let reading = match message.and_then(|message| Reading::of(&message, self.guide.units())) {
+        let leads = if self.leader.is_some() { Leads::OtherPrograms } else { Leads::PlannedPath };
+        let reading = match message.and_then(|message| Reading::of(&message, self.guide.units(), leads)) {
             Ok(reading) => reading,
             Err(bad) => {
                 note(&mut self.counts.bad, || format!("a message that cannot be used: {bad}"));
@@ -316,7 +317,7 @@ impl Edge {
     fn go_on(&mut self, now_ns: u64) {
         let bearing = self.peer.as_mut().and_then(|peer| peer.bearing.as_mut());
         if let Some((leader, bearing)) = self.leader.as_mut().zip(bearing) {
-            leader.go_on(self.guide.arm(), bearing, now_ns);
+            leader.go_on(bearing, now_ns);
         }
     }
 

@@ -55,9 +55,9 @@ impl Leader {
         Lead { twist, position }
     }
 
-    /// Puts ṗ0 of this instant there, between two samples.
-    pub(crate) fn go_on(&mut self, arm: &dyn AnyArm, bearing: &mut Bearing, now_ns: u64) {
-        bearing.twist = self.led.twist(now_ns, &arm.tool(&bearing.position), say);
+    /// Puts ṗ0 of this instant there, between two samples: no faster than the daemon was told.
+    pub(crate) fn go_on(&mut self, bearing: &mut Bearing, now_ns: u64) {
+        bearing.twist = self.led.coast(now_ns);
     }
 
     /// The joints hold: where they were led no longer counts, and how fast does not either.

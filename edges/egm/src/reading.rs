@@ -12,7 +12,7 @@ pub struct Reading {
     pub time: RobotTime,
     /// q, rad or m.
     pub position: [f64; MAX_JOINTS],
-    /// q0, where the robot's own program leads, rad or m.
+    /// q0, where the robot's own program leads, rad or m; q where other programs lead, and `planned` is not looked at.
     pub reference: [f64; MAX_JOINTS],
     /// As the robot gives it, N and N m; `None` when it gives none that may be used.
     pub wrench: Option<[f64; TASK_AXES]>,
@@ -22,6 +22,15 @@ pub struct Reading {
     pub follows: bool,
     /// Axes beyond the arm's joints.
     pub external_axes: usize,
+}
+
+/// Who leads the arm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Leads {
+    /// The robot's own program: a message has to say where.
+    PlannedPath,
+    /// Other programs, by a twist.
+    OtherPrograms,
 }
 
 /// An instant of the robot's clock.
@@ -87,11 +96,11 @@ pub enum BadMessage {
 const MOST_POSITION: f64 = 1e5;
 
 impl Reading {
-    /// Takes a message of an arm whose joints have these units.
+    /// Takes a message of an arm whose joints have these units, and that is led so.
     ///
     /// # Errors
     /// [`BadMessage`], for the first thing that is wrong.
-    pub fn of(message: &EgmRobot, units: &[JointUnit]) -> Result<Self, BadMessage> {
+    pub fn of(message: &EgmRobot, units: &[JointUnit], leads: Leads) -> Result<Self, BadMessage> {
         let header = message.header.as_ref().ok_or(BadMessage::Missing { field: "header" })?;
         let sequence = header.seqno.ok_or(BadMessage::Missing { field: "header.seqno" })?;
         let found = header.mtype.unwrap_or(MessageType::Undefined as i32);
@@ -99,16 +108,23 @@ impl Reading {
             return Err(BadMessage::Type { found });
         }
         let feedback = message.feed_back.as_ref().ok_or(BadMessage::Missing { field: "feedBack" })?;
-        let planned = message.planned.as_ref().ok_or(BadMessage::Missing { field: "planned" })?;
         let time = match feedback.time {
             Some(clock) => RobotTime::FeedBack(nanoseconds(clock.sec, clock.usec)),
             None => RobotTime::Header(header.tm.ok_or(BadMessage::Missing { field: "feedBack.time or header.tm" })?),
         };
+        let position = joints("feedBack.joints", feedback.joints.as_ref(), units)?;
+        let reference = match leads {
+            Leads::PlannedPath => {
+                let planned = message.planned.as_ref().ok_or(BadMessage::Missing { field: "planned" })?;
+                joints("planned.joints", planned.joints.as_ref(), units)?
+            }
+            Leads::OtherPrograms => position,
+        };
         Ok(Self {
             sequence,
             time,
-            position: joints("feedBack.joints", feedback.joints.as_ref(), units)?,
-            reference: joints("planned.joints", planned.joints.as_ref(), units)?,
+            position,
+            reference,
             wrench: wrench(message),
             torque: torque(message, units.len()),
             follows: follows(message),
@@ -195,7 +211,8 @@ pub(crate) mod tests {
 
     #[test]
     fn a_message_is_read_in_si_units() {
-        let reading = Reading::of(&message(7, 1_004_000, 90.0, 45.0), &UNITS).expect("as robots send it");
+        let reading =
+            Reading::of(&message(7, 1_004_000, 90.0, 45.0), &UNITS, Leads::PlannedPath).expect("as robots send it");
         assert_eq!((reading.sequence, reading.time), (7, RobotTime::FeedBack(1_004_000_000)));
         assert!((reading.position[5] - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
         assert!((reading.reference[0] - std::f64::consts::FRAC_PI_4).abs() < 1e-15);
@@ -209,7 +226,10 @@ pub(crate) mod tests {
     fn without_the_clock_of_the_feedback_the_headers_counts() {
         let mut sent = message(7, 1_004_000, 0.0, 0.0);
         sent.feed_back.as_mut().expect("there").time = None;
-        assert_eq!(Reading::of(&sent, &UNITS).map(|reading| reading.time), Ok(RobotTime::Header(1004)));
+        assert_eq!(
+            Reading::of(&sent, &UNITS, Leads::PlannedPath).map(|reading| reading.time),
+            Ok(RobotTime::Header(1004))
+        );
     }
 
     #[test]
@@ -231,8 +251,24 @@ pub(crate) mod tests {
         for (spoil, expected) in cases {
             let mut sent = message(1, 4000, 0.0, 0.0);
             spoil(&mut sent);
-            let error = Reading::of(&sent, &UNITS).expect_err(expected).to_string();
+            let error = Reading::of(&sent, &UNITS, Leads::PlannedPath).expect_err(expected).to_string();
             assert!(error.contains(expected), "{error}, not {expected}");
+        }
+    }
+
+    #[test]
+    fn where_other_programs_lead_the_planned_path_is_not_looked_at() {
+        let spoils: [fn(&mut EgmRobot); 3] = [
+            |sent| sent.planned = None,
+            |sent| sent.planned.as_mut().unwrap().joints = None,
+            |sent| sent.planned.as_mut().unwrap().joints.as_mut().unwrap().joints[2] = f64::NAN,
+        ];
+        for spoil in spoils {
+            let mut sent = message(7, 4000, 90.0, 45.0);
+            spoil(&mut sent);
+            let reading = Reading::of(&sent, &UNITS, Leads::OtherPrograms).expect("the rest is sound");
+            assert_eq!(reading.reference, reading.position);
+            assert!(Reading::of(&sent, &UNITS, Leads::PlannedPath).is_err());
         }
     }
 
@@ -241,7 +277,7 @@ pub(crate) mod tests {
         let read = |spoil: fn(&mut EgmRobot)| {
             let mut sent = message(1, 4000, 0.0, 0.0);
             spoil(&mut sent);
-            Reading::of(&sent, &UNITS).expect("the rest is sound")
+            Reading::of(&sent, &UNITS, Leads::PlannedPath).expect("the rest is sound")
         };
         assert_eq!(read(|sent| sent.measured_force = None).wrench, None);
         assert_eq!(read(|sent| sent.measured_force.as_mut().unwrap().fc_active = Some(false)).wrench, None);

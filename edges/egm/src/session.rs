@@ -201,6 +201,7 @@ fn elapsed(from: &RobotTime, to: &RobotTime) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::reading::Leads;
     use crate::reading::tests::{UNITS, message};
 
     const CYCLE_NS: u64 = 4_000_000;
@@ -214,7 +215,7 @@ mod tests {
     fn reading(cycle: u32) -> (Reading, u64) {
         let degrees = f64::from(cycle) * 0.1;
         let sent = message(cycle, u64::from(cycle) * 4000, degrees, 2.0 * degrees);
-        (Reading::of(&sent, &UNITS).expect("sound"), START_NS + u64::from(cycle) * CYCLE_NS)
+        (Reading::of(&sent, &UNITS, Leads::PlannedPath).expect("sound"), START_NS + u64::from(cycle) * CYCLE_NS)
     }
 
     fn take(session: &mut Session, cycle: u32) -> Result<Option<Measured>, Refusal> {

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::Command;
 
-use end_to_end::session::{drive_plant_by, plant_command, start_daemon, wait_for_log, with_keys, write};
+use end_to_end::session::{ctl_command, drive_plant_by, plant_command, start_daemon, wait_for_log, with_keys, write};
 use end_to_end::{Child, PrivateIpc, binaries};
 use ipc_types::TruthSample;
 
@@ -86,7 +86,8 @@ impl Cell {
         let mut edge = Child::spawn(edge);
         wait_for_log(&mut edge, "awaits 127.0.0.1 on 127.0.0.1:");
         let log = edge.stderr();
-        let port = log.split("on 127.0.0.1:").nth(1).and_then(|rest| rest.split_whitespace().next()).expect("a port");
+        let port =
+            log.split("on 127.0.0.1:").nth(1).and_then(|rest| rest.split([',', ' ', '\n']).next()).expect("a port");
         let port = port.parse().expect("a port is a number");
         Self { port, ipc, edge, daemon, scenario: files.scenario.clone(), daemon_file }
     }
@@ -94,6 +95,11 @@ impl Cell {
     /// Starts another daemon once the last one has ended.
     pub(crate) fn start_another_daemon(&mut self) {
         self.daemon = start_daemon(&self.ipc, &self.daemon_file);
+    }
+
+    /// A command of admittancectl to this daemon.
+    pub(crate) fn ctl(&self, command: &str) -> Command {
+        ctl_command(&self.ipc, command, &self.daemon_file)
     }
 
     /// The emulated robot, whose messages go to `edge`.

@@ -74,8 +74,6 @@ enum End {
     Stands,
     /// The same, until another session of the robot has begun: in free motion that goes on, in contact it is held.
     StandsUntilAnew,
-    /// It stands as well; in contact the daemon, which answers all the while, leads it out of the surface first.
-    Retreats,
     /// The robot is no longer told anything: it keeps its last speed until CommTimeout, and stands then.
     CommTimeout,
 }
@@ -99,9 +97,6 @@ const SCRIPTED_S: f64 = 0.3;
 /// How long after the last message that counted another session leads the arm at the earliest, s: 0.1 until it begins, and then it
 /// listens to the robot's clock for 50 messages.
 const ANEW_S: f64 = 0.28;
-
-/// How long the daemon leads it out of the surface, s: `stopping.retreat_time_s`.
-const RETREAT_S: f64 = 0.1;
 
 struct Run {
     truths: Vec<TruthSample>,
@@ -187,7 +182,7 @@ impl Run {
                 assert!(self.fastest(lasts_s, f64::INFINITY) > 10.0 * STANDS, "it does not go on");
                 assert!(!has_timed_out && peak(&self.truths) <= MOST, "{most} N: {}", self.said);
             }
-            End::Stands | End::StandsUntilAnew | End::Retreats => {
+            End::Stands | End::StandsUntilAnew => {
                 stands_from(stands_s);
                 assert!(!has_timed_out, "{}", self.said);
                 assert!(most <= bound(PLAN_S), "{most} N; {before} N before, {} N accepted", bound(PLAN_S));
@@ -226,8 +221,7 @@ fn verify_by(
         let (most, before) = run.force();
         let speeds = [0.0, 0.05, COMM_TIMEOUT_S].map(|from_s| run.fastest(from_s, from_s + 0.05));
         println!("{name}, {situation:?}: {before:.1} N, then {most:.1} N at most; fastest joint {speeds:.5?} rad/s");
-        let retreat_s = if (end, situation) == (End::Retreats, Situation::Contact) { RETREAT_S } else { 0.0 };
-        run.verify(end, COMM_TIMEOUT_S + retreat_s, lasts_s);
+        run.verify(end, COMM_TIMEOUT_S, lasts_s);
         also(&mut run.cell);
     });
 }
@@ -249,7 +243,6 @@ fn scripted(kind: FaultKind) -> Option<End> {
         | Kind::InfTwistReference => None,
         Kind::Overrun | Kind::LateStamp | Kind::SequenceJump => Some(End::GoesOn),
         Kind::CommandLoss => Some(End::CommTimeout),
-        Kind::NanWrench | Kind::InfWrench | Kind::WrenchInvalid => Some(End::Retreats),
         _ => Some(End::Stands),
     }
 }
@@ -286,7 +279,7 @@ fn clock(message: &mut EgmRobot) -> &mut egm_messages::EgmClock {
 
 /// What may come of a message on the way, or from a robot that is told otherwise. Cut links come last.
 const OF_THE_NETWORK: [(&str, ToEdge, ToRobot, End); 20] = {
-    use End::{CommTimeout, Retreats, Stands, StandsUntilAnew};
+    use End::{CommTimeout, Stands, StandsUntilAnew};
     use ToEdge::{Change, Lose, Mangle};
     const THERE: ToRobot = ToRobot::Pass;
     [
@@ -307,7 +300,7 @@ const OF_THE_NETWORK: [(&str, ToEdge, ToRobot, End); 20] = {
             THERE,
             Stands,
         ),
-        ("no force", Change(|message| message.measured_force = None), THERE, Retreats),
+        ("no force", Change(|message| message.measured_force = None), THERE, Stands),
         ("clock back", Change(|message| clock(message).sec -= 10), THERE, StandsUntilAnew),
         ("random bytes", Mangle(|bytes| bytes.iter_mut().for_each(|byte| *byte ^= 0xA5)), THERE, Stands),
         ("half a message", Mangle(|bytes| bytes.truncate(bytes.len() / 2)), THERE, Stands),

@@ -7,6 +7,7 @@ mod contact;
 mod decay;
 mod faults;
 mod files;
+mod led;
 mod network;
 mod page;
 mod python;

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use admittance_host::clock::{monotonic_ns, sleep_until_ns};
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, ContactPointName};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use ipc_types::services::{self, Access};
 use ipc_types::{IpcSettings, Node, Publisher, ServiceError, TASK_AXES, TwistFrame, TwistSample};
@@ -85,6 +85,11 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     }
     let axes = if args.frame == TwistFrame::Tool { "of the tool" } else { "of the base" };
     eprintln!("leading admittanced/{}: {} in the axes {axes}; Ctrl-C ends it", settings.instance, shown(&twist));
+    if args.until_contact
+        && let Some(note) = where_the_surface_is(&config)
+    {
+        eprintln!("{note}");
+    }
     let begun = monotonic_ns();
     let until = begun + args.duration.as_nanos() as u64;
     let mut step = begun;
@@ -111,6 +116,23 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     let (code, said) = why.said(args.until_contact);
     println!("led for {lasted_s:.2} s, now zero: {said}");
     Ok(code)
+}
+
+/// What becomes of a contact that is met elsewhere than where the daemon was told: who leads until contact often does not know.
+fn where_the_surface_is(config: &Config) -> Option<String> {
+    let environment = &config.environment;
+    let told = environment.contact == ContactPointName::Configured && environment.stiffness_range_n_m.is_none();
+    // Along the normal it rests at the least force that each axis allows which feels the surface.
+    let feels = config.contact.minimum_force.iter().zip(environment.surface_normal);
+    let of_axes = feels.filter(|(force, normal)| **force > 0.0 && normal.abs() > 0.1);
+    let rests_n = of_axes.map(|(force, normal)| force / normal.abs()).reduce(f64::max)?;
+    let allowed_mm = 1e3 * rests_n / environment.normal_stiffness_n_m;
+    told.then(|| {
+        format!(
+            "the daemon takes the surface to be where environment.contact_point_m is: met deeper by more than some {allowed_mm:.1} mm \
+             (minimum_force by stiffness) it is left again; environment.contact = \"detected\" finds it"
+        )
+    })
 }
 
 /// Which axes the arm controls.

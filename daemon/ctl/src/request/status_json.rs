@@ -9,10 +9,40 @@ use crate::diagnostics::{latencies, sample_age_ns};
 /// Version of these keys and their meaning; a key that is added doesn't change it.
 const VERSION: u32 = 1;
 
-/// What a daemon said.
+/// What is known of a daemon.
 pub(super) struct Said<'a> {
+    /// Its answer; [`of_diagnostics`] where it could not be asked.
     pub(super) response: &'a ResponseSample,
     pub(super) diagnostics: &'a DiagnosticsSample,
+    /// Whether it was asked: what only an answer has is not said otherwise.
+    pub(super) asked: bool,
+}
+
+/// As much of a daemon's answer as its diagnostics have.
+pub(super) fn of_diagnostics(diagnostics: &DiagnosticsSample) -> ResponseSample {
+    ResponseSample {
+        mode: diagnostics.mode,
+        motion: diagnostics.motion,
+        stop_reason: diagnostics.stop_reason,
+        active_axes: diagnostics.active_axes,
+        verdict: diagnostics.verdict,
+        verdict_axis: diagnostics.verdict_axis,
+        verdict_side: diagnostics.verdict_side,
+        verdict_margin: diagnostics.verdict_margin,
+        verdict_time_s: diagnostics.verdict_time_s,
+        wrench: diagnostics.wrench,
+        force_limit: diagnostics.force_limit,
+        velocity_offset: diagnostics.velocity_offset,
+        believed_stiffness_n_m: diagnostics.believed_stiffness_n_m,
+        believed_stiffness_band_n_m: diagnostics.believed_stiffness_band_n_m,
+        cycles: diagnostics.cycles,
+        fallback_count: diagnostics.fallback_count,
+        late_count: diagnostics.late_count,
+        missed_count: diagnostics.missed_count,
+        rejected_count: diagnostics.rejected_count,
+        uptime_ns: diagnostics.uptime_ns,
+        ..ResponseSample::zeroed()
+    }
 }
 
 /// A key.
@@ -79,7 +109,17 @@ fn of_verdict(said: &Said<'_>, value: impl Fn(&ResponseSample) -> Value) -> Opti
 
 /// `None` before the first sample was answered.
 fn of_sample(said: &Said<'_>, value: impl Into<Value>) -> Option<Value> {
-    (said.response.state_sequence > 0).then(|| value.into())
+    (said.response.cycles > 0).then(|| value.into())
+}
+
+/// `None` where the daemon was not asked.
+fn of_answer(said: &Said<'_>, value: impl Into<Value>) -> Option<Value> {
+    said.asked.then(|| value.into())
+}
+
+/// `None` in both cases.
+fn of_answered_sample(said: &Said<'_>, value: impl Into<Value>) -> Option<Value> {
+    of_sample(said, value).filter(|_| said.asked)
 }
 
 macro_rules! names {
@@ -115,13 +155,15 @@ macro_rules! keys {
 
 keys! {
     version: || json!({ "const": VERSION }), "Version of these keys and their meaning.", |_said| VERSION;
-    text: text, "For a person.", |said| said.response.text().into_owned();
+    asked: flag, "Whether the daemon itself was asked. Otherwise this is of its diagnostics alone, as they come to another \
+        machine: keys that only an answer has are not there.", |said| said.asked;
+    text: text, "For a person; of an answer.", |said| of_answer(said, said.response.text().into_owned()), if present;
     mode: names!(Mode), "Mode of the daemon.", |said| Mode::name_of(said.response.mode);
     motion: names!(Motion), "Motion of the last command.", |said| Motion::name_of(said.response.motion);
     stop_reason: names!(StopReason or "None"), "Why the daemon is stopping or stopped, or not in control.",
         |said| StopReason::name_of(said.response.stop_reason);
-    enabled: flag, "Whether control is enabled.", |said| said.response.enabled == 1;
-    law: names!(Law), "Law in force.", |said| Law::name_of(said.response.law);
+    enabled: flag, "Whether control is enabled.", |said| of_answer(said, said.response.enabled == 1), if present;
+    law: names!(Law), "Law in force.", |said| of_answer(said, Law::name_of(said.response.law)), if present;
     active_axes: || json!({ "type": "array", "items": axis_name() }), "Task axes in contact and controlled.", |said| {
         let is_active = |axis: &usize| said.response.active_axes & (1 << axis) != 0;
         (0..TASK_AXES).filter(is_active).map(|axis| AXIS_NAMES[axis]).collect::<Vec<_>>()
@@ -143,30 +185,33 @@ keys! {
         |said| of_verdict(said, |of| of.verdict_share.into()), if present;
     wrench: axes, "N, N m: wrench of the last accepted state sample as the law sees it, robot on environment, at the TCP, task \
         frame.", |said| said.response.wrench.to_vec();
-    wrench_bias: axes, "N, N m: bias in force, as the sensor gives the wrench.", |said| said.response.wrench_bias.to_vec();
+    wrench_bias: axes, "N, N m: bias in force, as the sensor gives the wrench.",
+        |said| of_answer(said, said.response.wrench_bias.to_vec()), if present;
     force_limit: axes, "N, N m: f_max in force.", |said| said.response.force_limit.to_vec();
     minimum_force: axes, "N, N m: configured minimum in contact; 0 on axes that are not controlled.",
         |said| said.diagnostics.minimum_force.to_vec();
     velocity_offset: axes, "m/s, rad/s: velocity offset of the last command, base frame.",
         |said| said.response.velocity_offset.to_vec();
     normal_stiffness_n_m: number, "N/m: stiffness in force along the surface normal.",
-        |said| said.response.normal_stiffness_n_m;
+        |said| of_answer(said, said.response.normal_stiffness_n_m), if present;
     believed_stiffness_n_m: number, "N/m: stiffness along the normal as it is believed to be; once there was a sample.",
         |said| of_sample(said, said.response.believed_stiffness_n_m), if present;
     believed_stiffness_band_n_m: || numbers(2), "N/m: least and greatest that it may be: one standard deviation where a range \
         is told, else that stiffness; once there was a sample.",
         |said| of_sample(said, said.response.believed_stiffness_band_n_m.to_vec()), if present;
-    surface_normal: point, "Outward surface normal in force, base frame.", |said| said.response.surface_normal.to_vec();
+    surface_normal: point, "Outward surface normal in force, base frame.",
+        |said| of_answer(said, said.response.surface_normal.to_vec()), if present;
     believed_normal: point, "Outward surface normal as it is believed to be, base frame; once there was a sample.",
-        |said| of_sample(said, said.response.believed_normal.to_vec()), if present;
+        |said| of_answered_sample(said, said.response.believed_normal.to_vec()), if present;
     believed_tilt_rad: number, "rad: angle between believed_normal and surface_normal; 0 where no tolerance of the normal is \
-        told. Once there was a sample.", |said| of_sample(said, said.response.believed_tilt_rad()), if present;
+        told. Once there was a sample.", |said| of_sample(said, said.diagnostics.believed_tilt_rad), if present;
     contact_point_m: point, "m: a point of the surface as it is believed to be, base frame.",
-        |said| said.response.contact_point.to_vec();
+        |said| of_answer(said, said.response.contact_point.to_vec()), if present;
     uptime_ns: count, "ns since the start of the daemon, as are all counts.", |said| said.response.uptime_ns;
     state_sequence: count, "Sequence of the last state sample that was answered; 0: none yet.",
-        |said| said.response.state_sequence;
-    command_sequence: count, "Sequence of the last command; 0: none yet.", |said| said.response.command_sequence;
+        |said| of_answer(said, said.response.state_sequence), if present;
+    command_sequence: count, "Sequence of the last command; 0: none yet.",
+        |said| of_answer(said, said.response.command_sequence), if present;
     cycles: count, "State samples answered.", |said| said.response.cycles;
     cycles_last_second: count, "State samples answered in the last whole second.",
         |said| said.diagnostics.cycles_last_second;
@@ -183,7 +228,8 @@ keys! {
     solver_failures: count, "Cycles without a usable answer of the solver although it had time.",
         |said| said.diagnostics.solver_failures;
     records_dropped: count, "Records dropped because the service thread was too slow.", |said| said.diagnostics.dropped_count;
-    compute_time_ns: count, "ns: compute time of the last cycle.", |said| said.response.compute_time_ns;
+    compute_time_ns: count, "ns: compute time of the last cycle.",
+        |said| of_answer(said, said.response.compute_time_ns), if present;
     wake_up_time: quantiles, "From a state sample stamped to received, since the start.", |said| latency(said, 0, false);
     wake_up_time_last_second: quantiles, "The same in the last whole second.", |said| latency(said, 0, true);
     compute_time: quantiles, "From a state sample received to its command published, since the start.",
@@ -223,16 +269,10 @@ mod tests {
 
     fn said(verdict: Verdict) -> Value {
         let (law, verdict) = (Law::Mpc.code(), verdict.code());
-        let response = ResponseSample {
-            law,
-            state_sequence: 7,
-            active_axes: 0b10,
-            verdict,
-            verdict_axis: 1,
-            ..ResponseSample::zeroed()
-        };
+        let response =
+            ResponseSample { law, cycles: 7, active_axes: 0b10, verdict, verdict_axis: 1, ..ResponseSample::zeroed() };
         let diagnostics = DiagnosticsSample { stamp_ns: 3_000, state_stamp_ns: 1_000, ..DiagnosticsSample::zeroed() };
-        values(&Said { response: &response, diagnostics: &diagnostics })
+        values(&Said { response: &response, diagnostics: &diagnostics, asked: true })
     }
 
     #[test]
@@ -242,6 +282,21 @@ mod tests {
         assert_eq!((&none["verdict"], &none["active_axes"]), (&"None".into(), &json!(["y"])));
         assert!(of_verdict.iter().all(|key| none.get(key).is_none()) && none["sample_age_ns"] == 2_000, "{none}");
         assert!(of_verdict.iter().all(|key| some.get(key).is_some()) && some["verdict_axis"] == "y", "{some}");
+    }
+
+    #[test]
+    fn what_only_an_answer_has_is_not_there_without_one() {
+        let diagnostics = DiagnosticsSample { cycles: 3, mode: Mode::Contact.code(), ..DiagnosticsSample::zeroed() };
+        let said = Said { response: &of_diagnostics(&diagnostics), diagnostics: &diagnostics, asked: false };
+        let (said, schema) = (values(&said), schema());
+        assert_eq!((&said["asked"], &said["mode"], &said["cycles"]), (&false.into(), &"Contact".into(), &3.into()));
+        let required = schema["required"].as_array().expect("a list");
+        let missing = required.iter().filter(|key| said.get(key.as_str().expect("a name")).is_none());
+        assert_eq!(missing.count(), 0, "{said}");
+        let of_answer =
+            ["text", "enabled", "law", "wrench_bias", "surface_normal", "believed_normal", "state_sequence"];
+        assert!(of_answer.iter().all(|key| said.get(key).is_none()), "{said}");
+        assert!(said.get("believed_stiffness_n_m").is_some(), "{said}");
     }
 
     #[test]

@@ -8,12 +8,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use admittance_host::clock::monotonic_ns;
 use ipc_types::{DiagnosticsSample, Subscriber};
 use ratatui::DefaultTerminal;
 
 use crate::Exit;
-use crate::diagnostics::{first, mode_text, subscribe};
+use crate::diagnostics::{first, mode_text, sample_age_ns, subscribe};
 use crate::target::Target;
 use view::View;
 
@@ -65,10 +64,10 @@ impl Watched {
         (self.sample, self.heard) = (*sample, Instant::now());
     }
 
-    /// How old force and position are that the law acts on; `None` before the first sample.
+    /// How old force and position are that the law acts on; `None` before the first sample. Stamps are of the daemon's
+    /// machine, which may be another one: what has gone by since it said so is counted here.
     fn sample_age(&self) -> Option<Duration> {
-        let stamp = self.sample.state_stamp_ns;
-        (stamp > 0).then(|| Duration::from_nanos(monotonic_ns().saturating_sub(stamp)))
+        sample_age_ns(&self.sample).map(|age_ns| Duration::from_nanos(age_ns) + self.heard.elapsed())
     }
 
     /// How long the daemon has been silent, if that is long.

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use admittance_host::clock::monotonic_ns;
 use admittance_host::config::fixed;
 use ipc_types::{DiagnosticsSample, Mode, QUANTILES};
 use ratatui::buffer::Buffer;
@@ -61,7 +60,7 @@ impl View<'_> {
                 bold.fg(Color::Red),
             ),
             None => {
-                let age = monotonic_ns().saturating_sub(sample.stamp_ns) as f64 * 1e-9;
+                let age = self.0.heard.elapsed().as_secs_f64();
                 let up = sample.uptime_ns as f64 * 1e-9;
                 let begin = format!("up {up:.0} s, as of {age:.1} s ago, {} samples/s", sample.cycles_last_second);
                 match self.0.sample_age() {

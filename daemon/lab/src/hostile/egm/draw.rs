@@ -1,7 +1,7 @@
 //! What is sent: random bytes, messages with some bytes changed, and messages with some fields changed, so that what comes behind
 //! the decoding is reached too.
 
-use admittance_egm::reading::Reading;
+use admittance_egm::reading::{Leads, Reading};
 use egm_messages::{EgmRobot, JointUnit, Message};
 use rand::{Rng, RngExt as _};
 
@@ -53,7 +53,7 @@ pub(super) fn draw_harmless(random: &mut impl Rng, robots: &EgmRobot) -> Datagra
 
 /// Whether it can be read, and another position, path, force or torque is in it than the robot's.
 fn says_something_else(bytes: &[u8], robots: &EgmRobot) -> bool {
-    let read = |message: &EgmRobot| Reading::of(message, &UNITS).ok();
+    let read = |message: &EgmRobot| Reading::of(message, &UNITS, Leads::PlannedPath).ok();
     let (Ok(message), Some(known)) = (EgmRobot::decode(bytes), read(robots)) else { return false };
     read(&message).is_some_and(|reading| {
         reading.position != known.position
@@ -209,7 +209,9 @@ mod tests {
         let drawn: Vec<Datagram> = (0..4000).map(|_| draw(&mut random, &robot)).collect();
         let share = |is_it: &dyn Fn(&Datagram) -> bool| drawn.iter().filter(|one| is_it(one)).count() as f64 / 4000.0;
         let decoded = share(&|one| EgmRobot::decode(&one.bytes[..]).is_ok());
-        let read = share(&|one| EgmRobot::decode(&one.bytes[..]).is_ok_and(|sent| Reading::of(&sent, &UNITS).is_ok()));
+        let read = share(&|one| {
+            EgmRobot::decode(&one.bytes[..]).is_ok_and(|sent| Reading::of(&sent, &UNITS, Leads::PlannedPath).is_ok())
+        });
         let moving = share(&|one| one.may_move);
         println!("decoded {decoded}, read {read}, may move {moving}");
         assert!(decoded > 0.5 && read > 0.2 && moving > 0.05, "decoded {decoded}, read {read}, may move {moving}");

@@ -1,0 +1,282 @@
+//! docs/monitoring.md as it is typed, on two machines that share nothing but a network: top, status and record work on the far
+//! side, nothing that is done there reaches the daemon, and the daemon's timing is what it was.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use end_to_end::closed_loop::MPC_DEFAULT;
+use end_to_end::namespaces::{Machine, two_machines};
+use end_to_end::session::{
+    PAPER_SCENARIO, PATIENT, ctl_command, output, plant_command, run_plant, start_daemon, with_keys, write,
+};
+use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, needs, page, screen, tunnel, undisturbed};
+use iceoryx2::prelude::{CallbackProgression, Service as _, ipc};
+use ipc_types::{IpcSettings, TruthSample};
+
+const PAGE: &str = include_str!("../../docs/monitoring.md");
+/// A thousand samples a second, on a surface and with a delay that forgive answers that are late now and then.
+const CYCLE: [(&str, &str); 2] = [("control.sampling_time_s", "0.001"), ("control.answer_budget_s", "0.0009")];
+const SOFT: [(&str, &str); 2] = [("control.command_delay_s", "0.003"), ("environment.normal_stiffness_n_m", "2e4")];
+/// When the touch is over, s of the scenario.
+const SETTLED_S: f64 = 1.2;
+
+fn daemon_file(ipc: &PrivateIpc) -> PathBuf {
+    write(ipc, "cell-3.toml", &with_keys(MPC_DEFAULT, &[&PATIENT[..], &SOFT, &CYCLE].concat()))
+}
+
+/// A touch after some time of free motion, and then to and fro along the surface.
+fn scenario(ipc: &PrivateIpc, approach_s: f64, seconds: u32) -> PathBuf {
+    let phase = |(duration_s, twist): (f64, [f64; 2])| format!("{{ duration_s = {duration_s:?}, twist = {twist:?} }}");
+    // Along the plane, and 2 mm/s into it.
+    let along = (0..seconds).map(|turn| (1.0, if turn % 2 == 0 { [0.0081, -0.006] } else { [-0.0099, 0.0024] }));
+    let phases: Vec<String> =
+        std::iter::once((approach_s, [0.0, -0.05 / approach_s])).chain(along).map(phase).collect();
+    let motion = format!("[{}]", phases.join(", "));
+    let contact_s = format!("{:?}", 0.816 * approach_s);
+    let keys = [
+        ("motion", motion.as_str()),
+        ("start.contact_time_s", contact_s.as_str()),
+        ("timing.sampling_time_s", "0.001"),
+        ("timing.command_delay_s", "0.003"),
+        ("surface.stiffness_n_m", "2e4"),
+    ];
+    write(ipc, "scenario.toml", &with_keys(PAPER_SCENARIO, &keys))
+}
+
+/// Both sides of the page, with places in shared memory of their own.
+struct Sides {
+    robots: Machine,
+    far: Machine,
+    /// What is handed on, on the robot's machine and on the far one.
+    relayed: PrivateIpc,
+    there: PrivateIpc,
+    started: Vec<Child>,
+}
+
+impl Sides {
+    fn new() -> Self {
+        let (robots, far) = two_machines();
+        let (relayed, there) = (PrivateIpc::new("cell-3"), PrivateIpc::new("cell-3"));
+        Self { robots, far, relayed, there, started: Vec::new() }
+    }
+
+    /// A line of the page as it is typed, with what was built for the tests, in this place.
+    fn typed(line: &str, place: &IpcSettings, daemon: &IpcSettings) -> String {
+        let root = place.root_path.to_string_lossy();
+        let tool = |path: &Path| format!("setpriv --pdeathsig KILL {}", path.display());
+        let daemons = format!(
+            "--instance {} --root-path {} --prefix {}",
+            daemon.instance,
+            daemon.root_path.display(),
+            daemon.prefix
+        );
+        line.replace("sudo ", "")
+            .replace(" -o admittanced", "")
+            .replace(" -o \"$USER\"", "")
+            .replace("relay --instance cell-3", &format!("relay {daemons}"))
+            .replace("/run/admittance-relay", &root)
+            .replace("relay_", &place.prefix)
+            .replace("exec iox2-", "iox2-")
+            .replace("iox2-link-tunnel-zenoh", &tool(&tunnel().expect("it was asked for")))
+            .replace("admittancectl ", &format!("{} ", tool(&binaries().admittancectl)))
+    }
+
+    /// Runs what the page says for both sides; returns when the far side has diagnostics.
+    fn start(&mut self, daemon: &IpcSettings) {
+        for (section, side) in [("On the robot's machine\n", 0), ("On the other machine\n", 1)] {
+            let (machine, place) = [(&self.robots, &self.relayed), (&self.far, &self.there)][side];
+            let lines = page::commands(PAGE, section);
+            let is_of_setup = |line: &&String| !line.starts_with("cargo ") && !is_look(line);
+            let script: Vec<String> =
+                lines.iter().filter(is_of_setup).map(|line| Self::typed(line, place.settings(), daemon)).collect();
+            assert!(script.iter().any(|line| line.contains("--allow")), "{script:#?}");
+            let text = format!("set -e\ncd {}\n{}\nwait\n", place.directory().display(), script.join("\n"));
+            let file = write(place, "page.sh", &text);
+            self.started.push(Child::spawn(machine.command(Path::new("sh")).arg(file)));
+        }
+        for _ in 0..100 {
+            if self.look("status", &[]).0 == Some(0) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        panic!("nothing comes to the far side: {}", self.report());
+    }
+
+    fn report(&mut self) -> String {
+        self.started.iter_mut().map(Child::report).collect()
+    }
+
+    /// A command of admittancectl on the far side, with what the page tells it.
+    fn command(&self, command: &str, words: &[&str]) -> std::process::Command {
+        let settings = self.there.settings();
+        let mut looks = self.far.command(&binaries().admittancectl);
+        looks.args([command, "--instance", "cell-3", "--prefix", &settings.prefix]);
+        looks.arg("--root-path").arg(&settings.root_path).args(words);
+        looks
+    }
+
+    fn look(&self, command: &str, words: &[&str]) -> (Option<i32>, String) {
+        output(&mut self.command(command, words))
+    }
+
+    /// The page's line with this command, on the far side.
+    fn of_page(&self, command: &str) -> std::process::Command {
+        let lines = page::commands(PAGE, "On the other machine\n");
+        let line = lines.iter().find(|line| line.starts_with(&format!("admittancectl {command} "))).expect("a line");
+        let typed = Self::typed(line, self.there.settings(), self.there.settings());
+        let mut shell = self.far.command(Path::new("sh"));
+        shell.args(["-c", &format!("cd {} && exec {typed}", self.there.directory().display())]);
+        shell
+    }
+}
+
+/// Whether a line of the page is one that looks at the daemon.
+fn is_look(line: &str) -> bool {
+    ["status", "top", "record"].iter().any(|command| line.starts_with(&format!("admittancectl {command}")))
+}
+
+/// Names of the services in a place.
+fn services(place: &IpcSettings) -> Vec<String> {
+    let mut names = Vec::new();
+    ipc::Service::list(&place.config().expect("a sound place"), |service| {
+        names.push(service.static_details.name().to_string());
+        CallbackProgression::Continue
+    })
+    .expect("services can be listed");
+    names.sort();
+    names
+}
+
+#[test]
+fn the_far_side_sees_all_and_reaches_nothing() {
+    if !needs(Need::Tunnel) {
+        return;
+    }
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("cell-3");
+        let file = daemon_file(&ipc);
+        let mut daemon = start_daemon(&ipc, &file);
+        let mut plant = Child::spawn(&mut plant_command(&ipc, &scenario(&ipc, 15.0, 60)));
+        let mut sides = Sides::new();
+        sides.start(ipc.settings());
+
+        // What the page types there, line by line; top has a terminal.
+        let (code, said) = output(&mut sides.of_page("status"));
+        println!("{said}");
+        assert!(code == Some(0) && said.contains("read only") && !said.contains("wrench bias"), "{said}");
+        let (code, said) = sides.look("status", &["--json"]);
+        let status: serde_json::Value = serde_json::from_str(&said).expect("one object");
+        assert!(code == Some(0) && status["asked"] == false && status.get("law").is_none(), "{said}");
+        assert!(status["cycles"].as_u64().is_some_and(|cycles| cycles > 0), "{said}");
+        let (mut top, _terminal) = Child::spawn_on_terminal(&mut sides.of_page("top"));
+        top.wait_until("the picture", PATIENCE, |top| top.stdout().contains("Counters"));
+        std::thread::sleep(Duration::from_millis(600));
+        let (seen, _) = screen(&top);
+        println!("{seen}");
+        // Its clock is a day ahead.
+        assert!(seen.contains("as of 0.") && seen.contains("the last one 0."), "{seen}");
+        top.terminate();
+        assert_eq!(top.wait_for_exit(PATIENCE).code(), Some(0), "{}", top.report());
+
+        std::fs::copy(&file, sides.there.directory().join("cell-3.toml")).expect("as the page says");
+        let (code, said) = output(&mut sides.of_page("record"));
+        println!("{said}");
+        // How many are lost is the machine's affair, and said.
+        let count: u32 = said.lines().find_map(|line| line.split_once(" records;")?.0.parse().ok()).expect("a count");
+        assert!(code == Some(0) && count > 1000, "{count} records in 10 s: {said}");
+        let recording = sides.there.directory().join("cell-3.mcap");
+        let mut replay = std::process::Command::new(&binaries().admittancectl);
+        let (code, said) = output(replay.arg("replay").arg(&recording));
+        assert_eq!(code, Some(0), "{said}");
+
+        // What would command the arm finds nobody there.
+        let before = own_status(&ipc, &file);
+        for (command, words) in
+            [("disable", &[][..]), ("reset", &["--force"]), ("set-force-limit", &["y=1"]), ("set-law", &["damping"])]
+        {
+            let (code, said) = sides.look(command, words);
+            assert!(code == Some(69) && said.contains("no service admittanced/cell-3/request"), "{command}: {said}");
+        }
+        // A motion controller of the same name, with a tunnel that carries all that it has: state, commands, whatever.
+        let place = sides.there.settings();
+        let tunnels = sides.there.directory().join("tunnel");
+        let all = format!(
+            "cd {} && exec setpriv --pdeathsig KILL {} --zenoh-config zenoh.json5 --poll 5",
+            tunnels.display(),
+            tunnel().expect("it was asked for").display()
+        );
+        let _all = Child::spawn(sides.far.command(Path::new("sh")).args(["-c", &all]));
+        let mut stranger = sides.far.command(&binaries().plant_sim);
+        stranger.arg("--scenario").arg(scenario(&sides.there, 1.0, 50));
+        stranger.args(["--instance", "cell-3", "--prefix", &place.prefix]).arg("--root-path").arg(&place.root_path);
+        let mut stranger = Child::spawn(&mut stranger);
+        std::thread::sleep(Duration::from_secs(3));
+        assert!(stranger.exit_status().is_none(), "{}", stranger.report());
+        let names = ["admittanced/cell-3/diagnostics", "admittanced/cell-3/record"];
+        assert_eq!(services(sides.relayed.settings()), names, "nothing else has come across");
+        let after = own_status(&ipc, &file);
+        for key in ["enabled", "law", "force_limit", "stop_reason", "rejected_count"] {
+            assert_eq!(before[key], after[key], "{key}");
+        }
+        assert!(after["cycles"].as_u64() > before["cycles"].as_u64(), "{after}");
+        assert!(daemon.exit_status().is_none() && plant.exit_status().is_none(), "{}", daemon.report());
+        assert!(sides.robots.is_up() && sides.far.is_up(), "{}", sides.report());
+    });
+}
+
+/// What the daemon says where it is.
+fn own_status(ipc: &PrivateIpc, file: &Path) -> serde_json::Value {
+    let (code, said) = output(ctl_command(ipc, "status", file).arg("--json"));
+    assert_eq!(code, Some(0), "{said}");
+    serde_json::from_str(&said).expect("one object")
+}
+
+/// From the instant of a sample to its answer in contact, and how late the plant itself woke up, µs.
+fn times(truths: &[TruthSample]) -> [Vec<f64>; 2] {
+    let settled = truths.iter().filter(|truth| truth.scenario_time_s > SETTLED_S && truth.answer_time_ns > 0);
+    let (mut answers, mut lateness): (Vec<f64>, Vec<f64>) = settled
+        .map(|truth| {
+            (truth.answer_time_ns.saturating_sub(truth.lateness_ns) as f64 * 1e-3, truth.lateness_ns as f64 * 1e-3)
+        })
+        .unzip();
+    answers.sort_by(f64::total_cmp);
+    lateness.sort_by(f64::total_cmp);
+    [answers, lateness]
+}
+
+#[test]
+fn timing_with_and_without_the_tunnel() {
+    if !needs(Need::Tunnel) {
+        return;
+    }
+    const TURNS: usize = 4;
+    let mut of = [[Vec::new(), Vec::new()], [Vec::new(), Vec::new()]];
+    for turn in 0..2 * TURNS {
+        let is_watched = turn % 2 == 1;
+        let ipc = PrivateIpc::new("cell-3");
+        let file = daemon_file(&ipc);
+        let _daemon = start_daemon(&ipc, &file);
+        let mut sides = is_watched.then(Sides::new);
+        let reader = sides.as_mut().map(|sides| {
+            sides.start(ipc.settings());
+            let recording = ipc.directory().join("far.mcap");
+            let words = ["--config", &file.to_string_lossy(), &recording.to_string_lossy()];
+            Child::spawn(&mut sides.command("record", &words))
+        });
+        let truths = run_plant(&ipc, &scenario(&ipc, 1.0, 4), |_| {});
+        for (all, these) in of[usize::from(is_watched)].iter_mut().zip(times(&truths)) {
+            all.extend(these);
+        }
+        drop(reader);
+    }
+    println!("µs, p50 p99 p99.9 max of {TURNS} turns each of 3.8 s of contact at 1 kHz");
+    for (name, [answers, lateness]) in ["without", "with"].into_iter().zip(&mut of) {
+        for (what, values) in [("answer", answers), ("the plant's own lateness", lateness)] {
+            values.sort_by(f64::total_cmp);
+            assert!(values.len() > 1000, "{} answers {name}", values.len());
+            let at = |part: f64| values[((values.len() - 1) as f64 * part) as usize];
+            println!("{name:<8} {what:<26} {:7.1} {:7.1} {:7.1} {:7.1}", at(0.5), at(0.99), at(0.999), at(1.0));
+        }
+    }
+}
