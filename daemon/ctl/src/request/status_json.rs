@@ -30,6 +30,7 @@ pub(super) fn of_diagnostics(diagnostics: &DiagnosticsSample) -> ResponseSample 
         verdict_side: diagnostics.verdict_side,
         verdict_margin: diagnostics.verdict_margin,
         verdict_time_s: diagnostics.verdict_time_s,
+        verdict_share: diagnostics.verdict_share,
         wrench: diagnostics.wrench,
         force_limit: diagnostics.force_limit,
         velocity_offset: diagnostics.velocity_offset,
