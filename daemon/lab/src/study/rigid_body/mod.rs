@@ -11,9 +11,9 @@ use std::fmt::Write as _;
 
 use admittancectl::{parallel, plausible};
 use commission::Commissioned;
-use plant_sim::scenario::Scenario;
 use draw::{Cause, Cell, Contact, KINDS};
 pub(super) use figures::Figures;
+use plant_sim::scenario::Scenario;
 use run::Seen;
 
 use super::statistics::exceeds;
@@ -47,6 +47,10 @@ impl Run {
 
     fn is_timid(&self) -> bool {
         self.is_attainable && self.seen.infeasible_cycles > 0
+    }
+
+    fn is_at_risk(&self) -> bool {
+        self.seen.at_risk_cycles > 0 && self.seen.infeasible_cycles == 0
     }
 
     /// Over the limit before there was a verdict.
@@ -165,7 +169,8 @@ impl Study {
 
 /// The first cycles of a contact, a line each.
 fn cycles(config: &admittance_runner::config::Config, scenario: &Scenario) -> Result<String, String> {
-    let mut text = "ms: true normal force, its peak since the cycle before, f\u{302}, mode, verdict with its newtons\n".to_owned();
+    let mut text =
+        "ms: true normal force, its peak since the cycle before, f\u{302}, mode, verdict with its newtons\n".to_owned();
     let mut touched_s = None;
     run::run_seen(config, scenario, |step| {
         let (truth, command) = (&step.truth, &step.command);
