@@ -128,3 +128,83 @@ impl<const N: usize> Drive<N> {
         torque
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use admittance_core::robot::{Chain, Joint, JointKind, LinkInertia, Pose};
+    use nalgebra::{Matrix3, Vector1, Vector3};
+
+    use super::*;
+
+    const GAIN: f64 = 100.0;
+    const INTEGRAL_TIME_S: f64 = 0.02;
+    const LIMIT_N_M: f64 = 10.0;
+    const STEP_RAD: f64 = 1e-3;
+    const PERIOD_NS: u64 = 125_000;
+    const TIME_CONSTANT_S: f64 = 0.01;
+
+    /// A drive of one joint that knows no model.
+    fn drive() -> Drive<1> {
+        let (rotation, origin) = (Matrix3::identity(), Vector3::zeros());
+        let joint = Joint { origin, rotation, axis: Vector3::z(), kind: JointKind::Revolute };
+        let chain = Chain::new([joint], Pose { position: Vector3::x(), rotation }).unwrap();
+        let link = LinkInertia::of_elements(1.0, [0.5, 0.0, 0.0], [0.1, 0.1, 0.1, 0.0, 0.0, 0.0]);
+        let model = ArmDynamics::new(chain, [link], Vector1::zeros(), Vector3::zeros()).unwrap();
+        let parameters = DriveParameters {
+            period_ns: PERIOD_NS,
+            time_constant_s: Vector1::new(TIME_CONSTANT_S),
+            gain: Vector1::new(GAIN),
+            integral_time_s: INTEGRAL_TIME_S,
+            torque_limit: Vector1::new(LIMIT_N_M),
+            feed_forward_factor: 0.0,
+            encoder_step: Vector1::new(STEP_RAD),
+        };
+        Drive::new(model, parameters, &Vector1::zeros(), &Vector1::zeros())
+    }
+
+    /// Ticks in so many seconds with the motor held where it is; the torque then, N m.
+    fn held(drive: &mut Drive<1>, reference: f64, duration_s: f64) -> f64 {
+        let ticks = (duration_s / crate::seconds(PERIOD_NS)).round() as usize;
+        (0..ticks).fold(0.0, |_, _| drive.tick(&Vector1::zeros(), &Vector1::new(reference))[0])
+    }
+
+    #[test]
+    fn a_drive_at_its_limit_remembers_nothing_of_how_long() {
+        let (mut short, mut long) = (drive(), drive());
+        assert_eq!(held(&mut short, 1.0, 0.2), LIMIT_N_M);
+        assert_eq!(held(&mut long, 1.0, 2.0), LIMIT_N_M);
+        assert_eq!(short.integral, long.integral);
+        assert!(long.integral[0] > 0.0 && long.integral[0] < LIMIT_N_M, "{} N m", long.integral[0]);
+        // Told to go back it does so as soon as its reference has turned, ln 2 time constants later.
+        assert!(held(&mut long, -1.0, 1.5 * TIME_CONSTANT_S) < 0.0);
+    }
+
+    #[test]
+    fn below_its_limit_a_lasting_error_is_summed_up() {
+        let mut drive = drive();
+        let (proportional, time_s) = (0.02 * GAIN, 0.06);
+        let expected = proportional * (1.0 + (time_s - TIME_CONSTANT_S) / INTEGRAL_TIME_S);
+        let found = held(&mut drive, 0.02, time_s);
+        assert!((found / expected - 1.0).abs() < 0.01, "{found} N m, not {expected}");
+    }
+
+    #[test]
+    fn an_encoder_shows_whole_steps() {
+        let mut drive = drive();
+        let torque = |drive: &mut Drive<1>, position: f64| drive.tick(&Vector1::new(position), &Vector1::zeros())[0];
+        // Less than half a step is not seen.
+        assert_eq!(torque(&mut drive, 0.49 * STEP_RAD), 0.0);
+        assert_eq!(drive.measured_velocity()[0], 0.0);
+        // A little more is a whole step within one period, and nothing in the next.
+        let velocity = STEP_RAD / crate::seconds(PERIOD_NS);
+        assert_eq!(torque(&mut drive, 0.51 * STEP_RAD), -LIMIT_N_M);
+        assert!((drive.measured_velocity()[0] / velocity - 1.0).abs() < 1e-12);
+        let _ = torque(&mut drive, 0.51 * STEP_RAD);
+        assert_eq!(drive.measured_velocity()[0], 0.0);
+        // Without steps every bit of a way shows.
+        let mut fine = drive.without_encoder_steps();
+        fine.seen = Vector1::zeros();
+        let _ = torque(&mut fine, 1e-9);
+        assert!((fine.measured_velocity()[0] * crate::seconds(PERIOD_NS) - 1e-9).abs() < 1e-18);
+    }
+}

@@ -20,6 +20,15 @@ const FINEST: f64 = 0.25;
 const MOST_PIECES: f64 = 64.0;
 /// Gears that were told too soft would leave nothing, or less, for the surface to give: this part is left.
 const LEAST_LEFT: f64 = 0.2;
+/// A surface that hardens, or is damped, presses as one that is so many times harder than what touches of it
+/// showed.
+const HARDER: f64 = 2.0;
+/// Gears may be softer than a maker's sheet says, by this factor; of what then is left for the surface to give, at
+/// least this part.
+const SOFTER_GEARS: f64 = 1.25;
+const LEAST_OF_SOFTER: f64 = 0.05;
+/// A softer link may take longer to turn, by this factor.
+const LATER: f64 = 1.25;
 /// A touch is looked for so far back, s, in pieces of this length.
 const LONGEST_TOUCH: f64 = 0.02;
 const TOUCH_PIECE: f64 = 0.00025;
@@ -38,20 +47,32 @@ pub struct ImpactModel<const N: usize> {
 
 /// How the stiffness of a surface is told, N/m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum SurfaceStiffness {
-    /// As a link meets it.
-    InImpact(f64),
+pub struct SurfaceStiffness {
     /// As a slow press shows it to the motors: with the gears' in series.
-    Pressed(f64),
+    pub pressed: f64,
+    /// As a link meets it, where that is told.
+    pub in_impact: Option<f64>,
 }
 
 impl SurfaceStiffness {
     /// As this link meets it, N/m.
     fn met_by(&self, link: &ImpactLink) -> f64 {
-        match *self {
-            Self::InImpact(stiffness) => stiffness,
-            Self::Pressed(stiffness) => stiffness / (1.0 - stiffness / link.gears).max(LEAST_LEFT),
+        self.in_impact.unwrap_or_else(|| self.behind(link.gears, LEAST_LEFT))
+    }
+
+    /// As this link meets it at most, N/m.
+    fn most_met_by(&self, link: &ImpactLink) -> f64 {
+        let harder = HARDER * self.met_by(link);
+        // A press that is not softer than an impact was told without the gears.
+        if self.in_impact.is_some_and(|stiffness| stiffness <= self.pressed) {
+            return harder;
         }
+        self.behind(link.gears / SOFTER_GEARS, LEAST_OF_SOFTER).max(harder)
+    }
+
+    /// What the surface is behind gears of this stiffness in N/m, of whose give at least a part is left to it.
+    fn behind(&self, gears: f64, least: f64) -> f64 {
+        self.pressed / (1.0 - self.pressed / gears).max(least)
     }
 }
 
@@ -96,7 +117,7 @@ enum Since {
     Free,
     Touch {
         /// `None`: no gear gives, or the arm did not move in.
-        swing: Option<Swing>,
+        swings: Option<Swings>,
         /// Whether the contact's first sample was the last one.
         is_first: bool,
     },
@@ -106,14 +127,14 @@ enum Since {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LinkObserver {
     since: Since,
-    /// Stamp of the last sample, and how deep the motors would have the tool then, m.
-    last: (Instant, f64),
+    /// Stamp of the last sample, and where the motors would have the tool then, m.
+    last: (Instant, Vector3<f64>),
 }
 
 impl LinkObserver {
     /// Nothing is touched.
     pub(crate) fn new() -> Self {
-        Self { since: Since::Free, last: (Instant::default(), 0.0) }
+        Self { since: Since::Free, last: (Instant::default(), Vector3::zeros()) }
     }
 
     /// Goes on to a sample of an arm in contact. The first one of a contact says when the touch was.
@@ -125,26 +146,37 @@ impl LinkObserver {
         joint_velocity: &SVector<f64, N>,
         shown: Shown,
     ) {
-        let depth = -surface.height(&sample.posture.pose().position);
-        let (stamp, before) = core::mem::replace(&mut self.last, (sample.stamp, depth));
+        let position = sample.posture.pose().position;
+        let (stamp, before) = core::mem::replace(&mut self.last, (sample.stamp, position));
+        // By the way itself: what is learned of the surface moves no motor.
+        let by = -surface.normal_direction().dot(&(position - before));
         self.since = match self.since {
-            Since::Touch { mut swing, .. } => {
-                if let Some(swing) = &mut swing {
-                    swing.follow(depth - before, sample.stamp.since(stamp).seconds());
+            Since::Touch { mut swings, .. } => {
+                if let Some(Swings { likely, hardest }) = &mut swings {
+                    let seconds = sample.stamp.since(stamp).seconds();
+                    likely.follow(by, seconds);
+                    hardest.follow(by, seconds);
                 }
-                Since::Touch { swing, is_first: false }
+                Since::Touch { swings, is_first: false }
             }
-            Since::Free => Since::Touch { swing: touch(model, surface, sample, joint_velocity, shown), is_first: true },
+            Since::Free => {
+                Since::Touch { swings: touch(model, surface, sample, joint_velocity, shown), is_first: true }
+            }
         };
     }
 
     /// The link after the last sample, whose peak counts from here on; `None` where nothing is touched, or no
     /// gear gives along the normal. At the first sample it counts from the touch on: how long ago that was
     /// is known by f̂ alone, and what seems to be over may be to come.
-    pub(crate) fn swing(&self) -> Option<Swing> {
+    ///
+    /// That on the hardest surface counts from the touch on until the other one has had the time to turn.
+    pub(crate) fn swings(&self) -> Option<Swings> {
         match self.since {
             Since::Free => None,
-            Since::Touch { swing, is_first } => swing.map(|swing| swing.counted(is_first)),
+            Since::Touch { swings, is_first } => swings.map(|Swings { likely, hardest }| Swings {
+                likely: likely.counted(is_first),
+                hardest: hardest.counted(likely.elapsed < LATER * likely.half_a_swing()),
+            }),
         }
     }
 
@@ -161,12 +193,21 @@ fn touch<const N: usize, const D: usize>(
     sample: &Accepted<N, D>,
     joint_velocity: &SVector<f64, N>,
     shown: Shown,
-) -> Option<Swing> {
+) -> Option<Swings> {
     let jacobian = sample.posture.jacobian();
     let speed = -surface.outward_speed(&(jacobian * joint_velocity));
     let link = model.link_by(&sample.joint_position, &jacobian.tr_mul(&surface.normal))?;
-    let touched = Swing::touching(&link, model.surface_stiffness.met_by(&link), speed);
-    (speed > 0.0).then(|| touched.shows(surface.pressing_force(&sample.wrench), shown))
+    let on =
+        |stiffness: f64| Swing::touching(&link, stiffness, speed).shows(surface.pressing_force(&sample.wrench), shown);
+    let stiffness = &model.surface_stiffness;
+    (speed > 0.0).then(|| Swings { likely: on(stiffness.met_by(&link)), hardest: on(stiffness.most_met_by(&link)) })
+}
+
+/// The link as it swings on a surface as it is told, and on the hardest that this may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Swings {
+    pub(crate) likely: Swing,
+    pub(crate) hardest: Swing,
 }
 
 /// The link as it swings.
@@ -216,6 +257,11 @@ impl Swing {
     /// The same whose time, and whose peak unless it counts so far, begin here.
     fn counted(self, so_far: bool) -> Self {
         Self { elapsed: 0.0, deepest: if so_far { self.deepest } else { self.depth }, when: 0.0, ..self }
+    }
+
+    /// From the touch until it leaves the surface where its motors stand, s.
+    fn half_a_swing(&self) -> f64 {
+        core::f64::consts::PI * libm::sqrt(self.link.mass / (self.link.gears + self.surface))
     }
 
     /// Whether it goes deeper, or has been deeper.
@@ -332,6 +378,42 @@ mod tests {
             }
             let found = peak(&LINK, motors, 1e-3);
             assert!((found / (1e6 * deepest) - 1.0).abs() < 1e-3, "{found} N and {} N", 1e6 * deepest);
+        }
+    }
+
+    #[test]
+    fn the_hardest_surface_is_what_gears_that_are_softer_than_told_leave() {
+        let gears = 5e4;
+        let link = ImpactLink { gears, ..LINK };
+        // A press on 5e4 N/m, by gears that are a fifth softer than told.
+        let softer = gears / SOFTER_GEARS;
+        let pressed = 5e4 * softer / (5e4 + softer);
+        let (by_press, known) = (SurfaceStiffness { pressed, in_impact: None }, |stiffness: f64, pressed: f64| {
+            SurfaceStiffness { pressed, in_impact: Some(stiffness) }.most_met_by(&link)
+        });
+        assert!(by_press.met_by(&link) < 4.5e4, "{}", by_press.met_by(&link));
+        assert!(by_press.most_met_by(&link) >= 5e4 * (1.0 - 1e-9), "{}", by_press.most_met_by(&link));
+        assert_eq!(known(6e4, 6e4), HARDER * 6e4);
+        // Where the press says more than the impact, it counts.
+        let hard = 0.99 * softer;
+        assert_eq!(known(1.5 * hard, hard), hard / LEAST_OF_SOFTER);
+    }
+
+    #[test]
+    fn the_peak_on_the_hardest_surface_counts_until_the_likely_one_has_turned() {
+        let on = |surface: f64| Swing::touching(&LINK, surface, 0.1);
+        let mut observer = LinkObserver::new();
+        let mut swings = Swings { likely: on(SURFACE), hardest: on(4.0 * SURFACE) };
+        let (half, whole) = (swings.likely.half_a_swing(), on(4.0 * SURFACE));
+        let mut peak = whole;
+        peak.follow(0.0, half);
+        let counted = |observer: &LinkObserver| observer.swings().map_or(0.0, |swings| swings.hardest.peak().force);
+        for (part, counts) in [(0.9, true), (0.3, true), (0.2, false)] {
+            swings.likely.follow(0.0, part * half);
+            swings.hardest.follow(0.0, part * half);
+            observer.since = Since::Touch { swings: Some(swings), is_first: false };
+            let found = counted(&observer) / peak.peak().force;
+            assert_eq!(found > 0.99, counts, "{found} of the peak after another {part} of half a swing");
         }
     }
 

@@ -42,8 +42,8 @@ use nalgebra::{SMatrix, SVector, Vector3};
 pub use contact::Thresholds;
 pub(crate) use contact::{Contact, Felt, SurfaceSigns};
 pub use expectation::Expected;
-pub(crate) use impact_motion::Peak;
 pub use impact_motion::{ImpactLink, ImpactModel, SurfaceStiffness, Swing};
+pub(crate) use impact_motion::{Peak, Swings};
 pub(crate) use inward_way::WayObserver;
 pub use joint_motion::JointMotion;
 pub(crate) use joint_motion::JointObserver;
@@ -335,8 +335,8 @@ impl<const D: usize> Belief<D> {
     }
 
     /// The tool in an impact: `None` where none is known of.
-    pub(crate) fn swing(&self) -> Option<Swing> {
-        self.link.swing()
+    pub(crate) fn swings(&self) -> Option<Swings> {
+        self.link.swings()
     }
 
     /// The axes in contact.

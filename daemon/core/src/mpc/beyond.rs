@@ -2,10 +2,10 @@
 //! swing in an impact, and an f̂ that is off.
 
 use super::every_surface::nearest_limit;
-use super::impact::Impact;
-use super::verdict::DEVIATIONS;
+use super::impact::{Impact, impact};
+use super::verdict::{DEVIATIONS, above};
 use super::{Demand, Settings, Situation, Verdict};
-use crate::belief::Peak;
+use crate::belief::{Peak, Swing};
 use crate::output::Plan;
 use admittance_vocabulary::Side;
 
@@ -16,6 +16,8 @@ const ABOVE_KEPT: f64 = 1.1;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Beyond {
     impact: Option<Impact>,
+    /// The same on the hardest surface that may be there.
+    hardest: Option<Impact>,
     /// What an impact presses with already.
     pressed: Peak,
     /// Standard deviation of f̂.
@@ -33,15 +35,17 @@ impl Beyond {
         settings: &Settings<N, D>,
         situation: &Situation<'_, N, D>,
         demand: &Demand<D>,
-        impact: Option<Impact>,
     ) -> Self {
         let (covariance, normal) = (&situation.sample.wrench_covariance, &situation.belief.surface().normal);
         // Once the force settles the swing is over, which nothing here damps.
-        let swing = situation.belief.swing().filter(|_| !demand.settles);
+        let swings = situation.belief.swings().filter(|_| !demand.settles);
         let (axis, limit) = nearest_limit(settings, situation, &demand.signs).unwrap_or((0, f64::INFINITY));
+        let of = |swing: Swing| impact(settings, situation, swing);
+        let bounded = swings.filter(|_| limit.is_finite());
         Self {
-            impact: impact.filter(|_| limit.is_finite()),
-            pressed: Peak { force: swing.map_or(0.0, |swing| swing.force()), time: 0.0 },
+            impact: bounded.and_then(|swings| of(swings.likely)),
+            hardest: bounded.and_then(|swings| of(swings.hardest)),
+            pressed: Peak { force: swings.map_or(0.0, |swings| swings.likely.force()), time: 0.0 },
             deviation: libm::sqrt(normal.dot(&(covariance * normal)).max(0.0)),
             limit,
             axis,
@@ -53,6 +57,11 @@ impl Beyond {
     /// The verdict on an impact that is above the limit already, or is going to be however fast the arm leaves.
     pub(super) fn hopeless(&self) -> Option<Verdict> {
         self.broken_by(&self.pressed).or_else(|| self.broken_by(&self.impact?.least))
+    }
+
+    /// Whether an impact is under way.
+    pub(super) fn is_impact(&self) -> bool {
+        self.impact.is_some()
     }
 
     fn broken_by(&self, peak: &Peak) -> Option<Verdict> {
@@ -97,19 +106,33 @@ impl Beyond {
         situation: &Situation<'_, N, D>,
         plan: &Plan<D>,
     ) -> Verdict {
-        let mut verdict = verdict;
+        let (mut verdict, mut likely) = (verdict, self.pressed.force);
         if let Some(impact) = &self.impact {
             let peak = impact.peak_under(settings, situation, plan);
             if let Some(broken) = self.broken_by(&peak) {
                 return broken;
             }
-            let left = (self.limit - peak.force) * self.part;
-            if let Verdict::Feasible { margin, .. } = verdict
-                && left < margin
-            {
-                verdict = Verdict::Feasible { margin: left.max(0.0), axis: self.axis, time: peak.time };
-            }
+            likely = peak.force;
+            verdict = self.with_most(verdict, likely, &peak);
+        }
+        if let Some(hardest) = &self.hardest {
+            verdict = self.with_most(verdict, likely, &hardest.peak_under(settings, situation, plan));
         }
         if self.deviation > 0.0 { verdict.unsure(self.deviation, &situation.belief.surface().normal) } else { verdict }
+    }
+
+    /// A verdict where the force is likely so large, N, and at most this peak.
+    fn with_most(&self, verdict: Verdict, likely: f64, most: &Peak) -> Verdict {
+        let (axis, time, left) = (self.axis, most.time, (self.limit - most.force) * self.part);
+        match verdict {
+            Verdict::Feasible { margin, .. } if left < margin => {
+                if self.broken_by(most).is_none() {
+                    return Verdict::Feasible { margin: left.max(0.0), axis, time };
+                }
+                let deviation = (most.force - likely).max(f64::MIN_POSITIVE) / DEVIATIONS;
+                Verdict::AtRisk { share: above((self.limit - likely) / deviation), excess: -left, axis, time }
+            }
+            _ => verdict,
+        }
     }
 }

@@ -10,7 +10,6 @@ use super::cost::SetPoint;
 use super::drive_way::DriveWay;
 use super::every_surface::{of_set, pressing_everywhere};
 use super::full_outward::outward;
-use super::impact::impact;
 use super::late_arm::{free_of_told, pressed_late};
 use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
@@ -59,15 +58,15 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let room = if situation.belief.set().is_some() { 0.0 } else { ROOM };
         let levels = [-room * tolerance, 0.0, tolerance];
         let mut level = levels[0];
-        let impact = if demand.settles { None } else { impact(&self.settings, situation) };
-        let beyond = Beyond::of(&self.settings, situation, demand, impact);
+        let beyond = Beyond::of(&self.settings, situation, demand);
         if let Some(verdict) = beyond.hopeless() {
             return Solution::Infeasible { verdict, iterations: 0 };
         }
         // What an arm that follows late would press deeper: without a plan that leaves it free, it is
         // as if nobody had asked for that.
         // (In an impact that is part of what links press.)
-        let late = if demand.settles || impact.is_some() { 0.0 } else { pressed_late(&self.settings, situation) };
+        let is_told = demand.settles || beyond.is_impact();
+        let late = if is_told { 0.0 } else { pressed_late(&self.settings, situation) };
         let mut before = 0;
         for free in beyond.left_free(late, &self.settings, situation, demand) {
             match self.press_within(level, free, situation, demand, expired) {

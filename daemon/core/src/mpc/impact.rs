@@ -13,7 +13,7 @@ use crate::quantities::Span;
 
 /// Of a duration in pieces.
 const ROUNDING: f64 = 1e-6;
-/// How much more than one mass that is told presses an arm of several, as a part: found over speeds and surfaces,
+/// How much more than one mass that is told presses an arm of several, as a factor: found over speeds and surfaces,
 /// where one mass is up to a tenth too little, and for as much again by what is told of masses and gears.
 const ONE_MASS: f64 = 1.2;
 
@@ -27,12 +27,15 @@ pub(super) struct Impact {
     pub beyond: f64,
 }
 
-/// The impact that is under way. `None` where no masses are told, no gear gives, or its peak is over.
+/// The impact that is under way with a swing. `None` where its peak is over.
 pub(super) fn impact<const N: usize, const D: usize>(
     settings: &Settings<N, D>,
     situation: &Situation<'_, N, D>,
+    swing: Swing,
 ) -> Option<Impact> {
-    let swing = situation.belief.swing().filter(Swing::has_a_peak)?;
+    if !swing.has_a_peak() {
+        return None;
+    }
     let fastest = outward(settings, situation);
     let duration = settings.loops.slowest() / INSTANTS;
     let references = (0..INSTANTS as usize * LAGS).map(|_| (fastest, duration));

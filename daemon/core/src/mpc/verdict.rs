@@ -11,7 +11,7 @@ use crate::mpc::qp::{Qp, certificate_gap};
 pub(super) const DEVIATIONS: f64 = 3.0;
 
 /// Share of what is distributed normally above so many deviations.
-fn above(deviations: f64) -> f64 {
+pub(super) fn above(deviations: f64) -> f64 {
     0.5 * libm::erfc(deviations * core::f64::consts::FRAC_1_SQRT_2)
 }
 

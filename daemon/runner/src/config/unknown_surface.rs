@@ -21,8 +21,10 @@ impl EnvironmentSection {
 impl EnvironmentSection {
     /// What an impact is reckoned with.
     pub(crate) fn in_impact(&self) -> SurfaceStiffness {
-        let greatest = self.stiffness_range_n_m.map_or(self.normal_stiffness_n_m, |[_, most]| most);
-        self.impact_stiffness_n_m.map_or(SurfaceStiffness::Pressed(greatest), SurfaceStiffness::InImpact)
+        SurfaceStiffness {
+            pressed: self.stiffness_range_n_m.map_or(self.normal_stiffness_n_m, |[_, most]| most),
+            in_impact: self.impact_stiffness_n_m,
+        }
     }
 }
 

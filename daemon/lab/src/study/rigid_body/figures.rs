@@ -54,6 +54,9 @@ struct Column {
     timid_by_physics: u32,
     /// And those that are not: what identify did not know.
     timid_by_ignorance: u32,
+    /// Said to be at risk and never infeasible; and those of them that kept the limit: where nobody can know.
+    at_risk: u32,
+    at_risk_kept: u32,
     stops: u32,
     /// Without an infeasible verdict: stopped for another reason.
     other_stops: u32,
@@ -108,6 +111,8 @@ impl Column {
             timid_runs,
             timid_by_physics: by_physics,
             timid_by_ignorance: timid_runs - by_physics,
+            at_risk: counted(&Run::is_at_risk),
+            at_risk_kept: counted(&|run| run.is_at_risk() && !exceeds(run.seen.peak_n, run.limit_n)),
             stops: counted(&|run| run.seen.stopped()),
             other_stops: counted(&|run| run.seen.stopped() && run.seen.infeasible_cycles == 0),
             resting_over_limit: counted(&|run| run.seen.stopped() && exceeds(run.seen.resting_n, run.limit_n)),
@@ -154,7 +159,7 @@ impl Figures {
             let _ = writeln!(
                 text,
                 "{name}: {} counted, {} attainable, {} unsound ({:.2} %, by {:.1} % of the limit at most), {} timid ({:.1} % of \
-                 attainable; {} by physics, {} by ignorance), {} at rest over the limit, {} other stops",
+                 attainable; {} by physics, {} by ignorance), {} at risk ({} of them kept the limit), {} at rest over the limit, {} other stops",
                 column.counted,
                 column.attainable,
                 column.unsound,
@@ -164,6 +169,8 @@ impl Figures {
                 100.0 * column.timid,
                 column.timid_by_physics,
                 column.timid_by_ignorance,
+                column.at_risk,
+                column.at_risk_kept,
                 column.resting_over_limit,
                 column.other_stops,
             );

@@ -13,6 +13,7 @@ use admittancectl::{parallel, plausible};
 use commission::Commissioned;
 use draw::{Cause, Cell, Contact, KINDS};
 pub(super) use figures::Figures;
+use plant_sim::scenario::Scenario;
 use run::Seen;
 
 use super::statistics::exceeds;
@@ -21,6 +22,8 @@ use super::statistics::exceeds;
 const CONTACTS: u64 = 20;
 /// The longest step of the plant is halved so often, at most, to resolve an arm.
 const HALVINGS: u32 = 4;
+/// So long after the touch [`Study::describe`] tells each cycle, s.
+const TOLD_S: f64 = 0.03;
 
 /// What became of a contact.
 #[derive(Debug, Clone)]
@@ -44,6 +47,10 @@ impl Run {
 
     fn is_timid(&self) -> bool {
         self.is_attainable && self.seen.infeasible_cycles > 0
+    }
+
+    fn is_at_risk(&self) -> bool {
+        self.seen.at_risk_cycles > 0 && self.seen.infeasible_cycles == 0
     }
 
     /// Over the limit before there was a verdict.
@@ -93,12 +100,9 @@ impl Study {
         let (cell, commissioned) = self.cell(index)?;
         let mut text = format!("{}\nnot identified: {:?}\n{}\n", cell.kind, commissioned.unknown, commissioned.told);
         let body = format!("{:#?}\n{:#?}", cell.plant.surface, cell.plant.rigid_body);
-        let _ = writeln!(
-            text,
-            "{body}\n{:#?}\n{:#?}",
-            Contact::draw(self.seed, index),
-            self.run(index, &cell, &commissioned)?
-        );
+        let contact = Contact::draw(self.seed, index);
+        let _ = writeln!(text, "{body}\n{contact:#?}\n{:#?}", self.run(index, &cell, &commissioned)?);
+        text += &cycles(&run::config(&commissioned.told, &contact, &cell)?, &resolved(cell.scenario(&contact)))?;
         Ok(text)
     }
 
@@ -163,8 +167,38 @@ impl Study {
     }
 }
 
+/// The first cycles of a contact, a line each.
+fn cycles(config: &admittance_runner::config::Config, scenario: &Scenario) -> Result<String, String> {
+    let mut text =
+        "ms: true normal force, its peak since the cycle before, f\u{302}, mode, verdict with its newtons\n".to_owned();
+    let mut touched_s = None;
+    run::run_seen(config, scenario, |step| {
+        let (truth, command) = (&step.truth, &step.command);
+        if truth.peak_normal_force_n > 0.0 {
+            touched_s.get_or_insert(truth.scenario_time_s);
+        }
+        let Some(since) = touched_s.map(|touched| truth.scenario_time_s - touched).filter(|since| *since < TOLD_S)
+        else {
+            return;
+        };
+        let estimate: String = step.report.wrench[..3].iter().map(|force| format!("{force:8.1}")).collect();
+        let _ = writeln!(
+            text,
+            "{:6.1}: {:7.1} {:7.1} |{estimate} | {:?} {:?} {:.1} in {:.4} s",
+            1e3 * since,
+            truth.normal_force_n,
+            truth.peak_normal_force_n,
+            ipc_types::Mode::from_code(command.mode),
+            ipc_types::Verdict::from_code(command.verdict),
+            command.verdict_margin,
+            command.verdict_time_s,
+        );
+    })?;
+    Ok(text)
+}
+
 /// With steps that resolve it.
-fn resolved(mut scenario: plant_sim::scenario::Scenario) -> plant_sim::scenario::Scenario {
+fn resolved(mut scenario: Scenario) -> Scenario {
     for _ in 0..HALVINGS {
         match plant_sim::run::VirtualRun::new(&scenario) {
             Err(why) if why.to_string().contains("substep_s") => scenario.timing.substep_s *= 0.5,

@@ -63,10 +63,20 @@ pub(super) fn limit_n(contact: &Contact, cell: &Cell) -> f64 {
 /// # Errors
 /// What controller or plant do not accept.
 pub(super) fn run(config: &Config, scenario: &Scenario) -> Result<Seen, String> {
+    run_seen(config, scenario, |_| {})
+}
+
+/// Runs it; every step is shown to `see`.
+///
+/// # Errors
+/// As [`run`].
+pub(super) fn run_seen(config: &Config, scenario: &Scenario, mut see: impl FnMut(&Step)) -> Result<Seen, String> {
     let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
     let (mut seen, mut last) = (Seen::default(), Verdict::None.code());
-    while let Some(Step { command, truth, .. }) = run.step()? {
+    while let Some(step) = run.step()? {
+        see(&step);
+        let Step { command, truth, .. } = step;
         seen.peak_n = seen.peak_n.max(truth.peak_normal_force_n);
         if last == Verdict::Feasible.code() {
             seen.peak_while_feasible_n = seen.peak_while_feasible_n.max(truth.peak_normal_force_n);
