@@ -8,7 +8,7 @@ use nalgebra::SVector;
 
 use super::constraints::AxisBound;
 use super::full_outward::{deepest_of, helped, outward};
-use super::late_arm::free_below;
+use super::late_arm::{free_below, pressed_late};
 use super::qp::QpSolver;
 use super::{Mpc, Settings, Situation, Verdict};
 use crate::belief::SurfaceSet;
@@ -84,14 +84,19 @@ pub(super) fn of_set<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]
         return Some(SetBounds { maximum: reached - free, free, risk: None, excess: 0.0 });
     }
     let deepest_depth = depth(deepest);
+    // An arm that may follow later than told may follow as much earlier: only what it could not keep either is a
+    // reason to stop. Until then what is asked of it is the same.
+    let early = pressed_late(settings, situation);
+    let surely =
+        if early > 0.0 { depth((deepest - early).max(scaled_now(situation)).min(deepest)) } else { deepest_depth };
     let share = set.share_above(limit, deepest_depth, path);
     let risk = Risk {
         share,
         excess: set.strongest(deepest_depth, SURE, path) - limit,
         time,
         axis,
-        stops: share > set.risk(),
-        is_hopeless: set.depths_of(limit, HOPELESS, path).1 < deepest_depth,
+        stops: set.share_above(limit, surely, path) > set.risk(),
+        is_hopeless: set.depths_of(limit, HOPELESS, path).1 < surely,
     };
     // Where it has to be back the slope is another one than where it is deepest.
     let back = || shown(set.depths_of(limit, SURE, BACK * speed_along(situation)).0);

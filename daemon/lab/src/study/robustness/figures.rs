@@ -7,7 +7,7 @@ use comfy_table::Table;
 use serde::Serialize;
 
 use super::super::statistics::Distribution;
-use super::{Run, SPEEDS, Told};
+use super::{Faults, Run, SPEEDS, Told};
 
 /// Runs to look at, at most.
 const MOST_EXAMPLES: usize = 10;
@@ -20,12 +20,17 @@ pub(super) struct Counts {
     over_limit: usize,
     /// Of these, those that full outward speed would have kept.
     avoidable: usize,
+    /// Largest force of those over its limit; 0 where there are none.
+    worst_avoidable_ratio: f64,
     /// Of these, those in which the controller did not stop.
     never_stopped: usize,
     /// Worlds in which full outward speed does not keep the limit, whatever the controller did.
     unattainable: usize,
     /// Largest force over its limit.
     worst_ratio: f64,
+    /// Of the runs above the limit: the peak over that of full outward speed, or over the limit
+    /// where that one keeps it.
+    excess_over_attainable: Option<Excess>,
     /// Contact lost later than 50 ms after the first touch, before any stop.
     with_losses: usize,
     /// Stopped although full outward speed keeps the limit.
@@ -36,14 +41,20 @@ pub(super) struct Counts {
 
 impl Counts {
     fn of<'a>(runs: impl Iterator<Item = &'a Run> + Clone) -> Self {
+        let over = runs.clone().filter(|run| run.contact.is_over);
+        let worst =
+            |runs: &mut dyn Iterator<Item = &'a Run>| runs.map(|run| run.contact.peak_ratio).fold(0.0, f64::max);
         let count = |is: fn(&Run) -> bool| runs.clone().filter(|run| is(run)).count();
         Self {
             runs: runs.clone().count(),
             over_limit: count(|run| run.contact.is_over),
             avoidable: count(Run::is_avoidably_over),
+            worst_avoidable_ratio: worst(&mut over.clone().filter(|run| run.is_avoidably_over())),
             never_stopped: count(|run| run.contact.is_over && run.contact.stop_reason.is_none()),
             unattainable: count(|run| run.outward.is_over),
-            worst_ratio: runs.clone().map(|run| run.contact.peak_ratio).fold(0.0, f64::max),
+            worst_ratio: worst(&mut runs.clone()),
+            excess_over_attainable: Distribution::of(over.map(Run::excess).collect())
+                .map(|of| Excess { p99: of.p99, max: of.max }),
             with_losses: count(|run| run.contact.late_losses > 0),
             false_stops: count(Run::is_false_stop),
             silent: count(|run| run.contact.is_silent()),
@@ -67,13 +78,41 @@ struct OfCell {
     by_speed: Vec<Speed>,
 }
 
-/// Of the bad runs.
+/// Of the runs in which something is bad.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+struct Tried {
+    /// It is with this cause alone.
+    alone: usize,
+    /// It is not without it.
+    cured: usize,
+}
+
+impl Tried {
+    /// Counts a run that is bad (or it does not count), and whether it is with the cause alone, and without it.
+    fn count(&mut self, [is_bad, alone, without]: [bool; 3]) {
+        self.alone += usize::from(is_bad && alone);
+        self.cured += usize::from(is_bad && !without);
+    }
+}
+
+/// Of the bad runs, and apart of those that are avoidably above the limit, lose contact late, or stop falsely.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 struct OfCause {
-    /// Bad with this cause alone.
-    alone: usize,
-    /// Good without it.
-    cured: usize,
+    #[serde(flatten)]
+    all: Tried,
+    over: Tried,
+    lost: Tried,
+    stopped: Tried,
+}
+
+impl OfCause {
+    fn count(&mut self, is: Faults, alone: Faults, without: Faults) {
+        let both = |of: fn(Faults) -> bool| [of(is), of(alone), of(without)];
+        self.all.count(both(Faults::any));
+        self.over.count(both(|of| of.over));
+        self.lost.count(both(|of| of.lost));
+        self.stopped.count(both(|of| of.stopped));
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -88,9 +127,6 @@ pub(super) struct Figures {
     seed: u64,
     #[serde(flatten)]
     all: Counts,
-    /// Of the runs above the limit: the peak over that of full outward speed, or over the limit
-    /// where that one keeps it.
-    excess_over_attainable: Option<Excess>,
     by_speed: Vec<Speed>,
     by_cell: Vec<OfCell>,
     /// Runs that are over the limit though attainable, lose contact late, or stop falsely.
@@ -115,19 +151,16 @@ fn by_speed<'a>(runs: impl Iterator<Item = &'a Run> + Clone) -> Vec<Speed> {
 impl Figures {
     /// `told`: what was asked for, on which the runs depend.
     pub(super) fn of(seed: u64, told: &Told, cells: &[(&'static str, Cell)], runs: &[Run]) -> Self {
-        let over = runs.iter().filter(|run| run.contact.is_over);
-        let excess = over.map(|run| run.contact.peak_ratio / run.outward.ratio.max(1.0)).collect();
         let mut by_cause: BTreeMap<Cause, OfCause> = Cause::ALL.map(|cause| (cause, OfCause::default())).into();
-        for &(cause, alone, cured) in runs.iter().flat_map(|run| &run.causes) {
-            let of = by_cause.entry(cause).or_default();
-            of.alone += usize::from(alone);
-            of.cured += usize::from(cured);
+        for run in runs {
+            for &(cause, alone, without) in &run.causes {
+                by_cause.entry(cause).or_default().count(run.faults(), alone, without);
+            }
         }
         let bad = || runs.iter().filter(|run| run.is_bad());
         Self {
             seed,
             all: Counts::of(runs.iter()),
-            excess_over_attainable: Distribution::of(excess).map(|of| Excess { p99: of.p99, max: of.max }),
             by_speed: by_speed(runs.iter()),
             by_cell: cells
                 .iter()
@@ -178,7 +211,11 @@ impl Figures {
         for of in &self.by_speed {
             row("all", format!("x {}", of.speed), &of.counts);
         }
-        let causes = self.by_cause.iter().map(|(cause, of)| format!("\n  {cause:?}: {}, {}", of.alone, of.cured));
+        let causes = self.by_cause.iter().map(|(cause, of)| {
+            let [all, over, lost, stopped] =
+                [of.all, of.over, of.lost, of.stopped].map(|tried| format!("{}, {}", tried.alone, tried.cured));
+            format!("\n  {cause:?}: {all} (above the limit {over}; lost {lost}; stopped {stopped})")
+        });
         let causes: String = causes.collect();
         let lines = |commands: &[String]| commands.iter().map(|command| format!("\n  {command}")).collect::<String>();
         let (examples, silent) = (lines(&self.examples), lines(&self.silent_runs));
