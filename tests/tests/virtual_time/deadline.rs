@@ -219,10 +219,9 @@ fn a_stop_that_has_only_the_plan_of_the_contact_before_it_does_not_press_on() {
     at_instants(does_not_press_on);
 }
 
+// With several inputs in a slow cycle the arm does not press on here: its impact is over, and it moves outwards.
 fn does_not_press_on(share: f64) {
-    for (sampling_time, speed, inputs) in
-        [(0.004, 0.05, Some(1)), (0.004, 0.05, None), (0.001, 0.05, None), (0.001, 0.1, None)]
-    {
+    for (sampling_time, speed, inputs) in [(0.004, 0.05, Some(1)), (0.001, 0.05, None), (0.001, 0.1, None)] {
         let mut pressing = Experiment::paper(sampling_time, speed).at_instant(share);
         pressing.config.contact.normal_force_reference_n = 120.0;
         pressing.config.mpc.inputs_per_cycle = inputs;
@@ -232,8 +231,7 @@ fn does_not_press_on(share: f64) {
         let begins: Vec<usize> = (first + 3..=first + 20).filter(presses_on).step_by(3).collect();
         let what = format!("{speed} m/s at {sampling_time} s, contact at {share}, inputs {inputs:?}");
         println!("{what}: presses on in {begins:?}, first contact {first}");
-        // With several inputs in a slow cycle the arm is out of its impact soon.
-        assert!(begins.len() >= if inputs.is_some() || sampling_time < 0.004 { 3 } else { 1 }, "{what}: {begins:?}");
+        assert!(begins.len() >= 3, "{what}: {begins:?}");
         for begun in begins {
             let index = |state: &StateSample| state.sequence as usize - 1;
             let mut nothing_usable = pressing.clone();
