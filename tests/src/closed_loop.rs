@@ -14,6 +14,7 @@ use plant_sim::scenario::{MotionSection, Scenario, SensorSection};
 
 use crate::drive_judge::Published;
 use crate::session::PAPER_SCENARIO;
+use crate::share;
 
 /// The default profile for the paper's arm.
 pub const MPC_DEFAULT: &str = include_str!("../../deploy/demo/mpc-default.toml");
@@ -209,6 +210,13 @@ impl Experiment {
     pub fn at_instants(&self, count: u32, mut each: impl FnMut(f64, &Run)) {
         for instant in 0..count {
             let share = f64::from(instant) / f64::from(count);
+            each(share, &self.clone().at_instant(share).run());
+        }
+    }
+
+    /// Runs `count` instants of contact of a seed.
+    pub fn at_instants_of(&self, seed: u64, count: u64, mut each: impl FnMut(f64, &Run)) {
+        for share in (0..count).map(|index| share(seed, index)) {
             each(share, &self.clone().at_instant(share).run());
         }
     }

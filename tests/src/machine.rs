@@ -187,7 +187,7 @@ impl Verdict {
 }
 
 /// Says something about a passing test as well, of which the harness shows nothing.
-fn say(text: &str) {
+pub(crate) fn say(text: &str) {
     let test = std::thread::current().name().unwrap_or("test").to_owned();
     // A closed stderr is no reason to fail.
     let _ = writeln!(std::io::stderr(), "{text} ({test})");

@@ -8,15 +8,11 @@ use std::time::Duration;
 use serde::Deserialize;
 
 use crate::driven_clock::DrivenClock;
-use crate::session::{daemon_command, start, with_keys, write};
+use crate::session::{LOCK_STEP, daemon_command, start, with_keys, write};
 use crate::{Child, PATIENCE, PrivateIpc, binaries, python_package};
 
 /// A run of some seconds takes some more of Python's.
 const RUN_PATIENCE: Duration = Duration::from_secs(600);
-
-/// Keys of a daemon that runs by a clock that stands still: it blocks until it is woken.
-const LOCK_STEP: [(&str, &str); 3] =
-    [("control.wait", "\"event\""), ("realtime.priority", "0"), ("realtime.lock_memory", "false")];
 
 /// What was true at a sample, and what the daemon answered it.
 #[derive(Debug, Clone, Deserialize)]

@@ -27,6 +27,10 @@ pub const PATIENT: [(&str, &str); 3] = [
     ("control.max_consecutive_fallbacks", "20"),
 ];
 
+/// Keys of a daemon that runs by a clock that stands still: it blocks until it is woken.
+pub const LOCK_STEP: [(&str, &str); 3] =
+    [("control.wait", "\"event\""), ("realtime.priority", "0"), ("realtime.lock_memory", "false")];
+
 /// A TOML text with keys changed or added, each given as "section.key" and a TOML value.
 ///
 /// # Panics

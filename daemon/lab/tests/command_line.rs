@@ -81,3 +81,22 @@ fn a_tilt_that_is_not_learned_is_told_of() {
     let (code, text) = tilted("range3");
     assert_eq!((code, text.contains("is not learned")), (Some(0), false), "{text}");
 }
+
+/// Whoever reads the figures with a program finds them by these names.
+#[test]
+fn a_study_of_robustness_has_its_figures_by_speed_and_by_cause() {
+    let cell = ["--cell", "planar, 4 ms", "--runs", "6", "--seed", "3", "--json"];
+    let (code, text) = run(&[&["study", "robustness"], &cell[..]].concat());
+    assert_eq!(code, Some(0), "{text}");
+    let begins = text.find('{').unwrap_or_else(|| panic!("no JSON: {text}"));
+    let mut values = serde_json::Deserializer::from_str(&text[begins..]).into_iter::<serde_json::Value>();
+    let found = values.next().expect("a value").expect("JSON");
+    let counts = ["runs", "over_limit", "worst_ratio", "with_losses", "false_stops", "silent"];
+    let missing = |of: &serde_json::Value, keys: &[&str]| keys.iter().any(|key| of.get(key).is_none());
+    assert!(!missing(&found, &counts) && !missing(&found, &["excess_over_attainable", "by_cause"]), "{found}");
+    let by_speed = found["by_speed"].as_array().expect("speeds");
+    assert!(by_speed.iter().all(|speed| !missing(speed, &counts) && speed["runs"] == 2), "{found}");
+    let speeds: Vec<_> = by_speed.iter().map(|speed| speed["speed"].as_f64()).collect();
+    assert_eq!(speeds, [Some(1.0), Some(0.5), Some(0.25)]);
+    assert_eq!(found["by_cause"].as_object().expect("causes").len(), 11);
+}

@@ -3,6 +3,7 @@
 
 use admittancectl::plausible;
 use end_to_end::closed_loop::{Experiment, Instant, Run};
+use end_to_end::fresh;
 use ipc_types::{Mode, StopReason};
 
 /// f_max on both axes, N.
@@ -14,13 +15,6 @@ const GUARD: f64 = 100.0;
 fn stiffer(sampling_time: f64, speed: f64, factor: f64) -> Experiment {
     let mut experiment = Experiment::paper(sampling_time, speed);
     experiment.scenario.surface.as_mut().expect("a surface").stiffness_n_m *= factor;
-    experiment
-}
-
-/// With several inputs within a slow cycle some of these touches keep the limit: no guard has to see
-/// anything then.
-fn one_input(mut experiment: Experiment) -> Experiment {
-    experiment.config.mpc.inputs_per_cycle = Some(1);
     experiment
 }
 
@@ -45,26 +39,56 @@ fn without_its_lag_the_estimate_shows_nearly_the_whole_peak_and_never_more() {
     }
 }
 
+/// Five times as stiff as told, at half of the speed that is accepted of the stiffness as told, and less: what
+/// a touch shows. Says whether it was stopped.
+fn is_stopped(run: &Run, what: &str, by_force: &mut u32) -> bool {
+    let Some(reason) = run.stop_reason() else {
+        // Several inputs in a slow cycle keep some of these touches near the limit.
+        let real = run.peak(0).max(run.peak(1));
+        assert!(real <= LIMIT + GUARD, "{what}: {real} N, not stopped");
+        assert!(real <= LIMIT + 0.5 || run.counters.exceeded > 0, "{what}: {real} N in silence");
+        return false;
+    };
+    let reason = StopReason::from_code(reason);
+    assert!([StopReason::ForceExceeded, StopReason::ModelDisagrees].map(Some).contains(&reason), "{what}: {reason:?}");
+    *by_force += u32::from(reason == Some(StopReason::ForceExceeded));
+    assert!(run.counters.exceeded > 0, "{what}: it is counted too");
+    // No bouncing before the stop, and no rest by the f̂ that still rises.
+    let stop = run.instants.iter().find(|at| !at.is_in(Mode::Free) && !at.is_in(Mode::Contact));
+    assert_eq!(stop.expect("stopped").truth.contact_losses, 0, "{what}");
+    let rest = run.last().truth.normal_force_n;
+    assert!(run.last().is_in(Mode::Stopped) && rest <= LIMIT / 2.0, "{what}: rests at {rest} N");
+    true
+}
+
+/// docs/commissioning.md and docs/design.md say so of half of the speed that is accepted of the stiffness as told.
 #[test]
 fn a_stiffness_five_times_too_low_is_stopped_and_rests_at_a_low_force() {
-    let mut by_force = 0;
-    // Half of the speed that the verdict accepts, and less.
-    for (sampling_time, speed) in [(0.004, 0.12), (0.004, 0.16), (0.001, 0.25), (0.001, 0.32)] {
-        one_input(stiffer(sampling_time, speed, 5.0)).at_instants(16, |share, run| {
-            let what = format!("{speed} m/s at {sampling_time} s, contact at {share}");
-            let reason = run.stop_reason().and_then(StopReason::from_code);
-            let expected = [StopReason::ForceExceeded, StopReason::ModelDisagrees].map(Some);
-            assert!(expected.contains(&reason), "{what}: {reason:?}");
-            by_force += u32::from(reason == Some(StopReason::ForceExceeded));
-            assert!(run.counters.exceeded > 0, "{what}: it is counted too");
-            // No bouncing before the stop, and no rest by the f̂ that still rises.
-            let stop = run.instants.iter().find(|at| !at.is_in(Mode::Free) && !at.is_in(Mode::Contact));
-            assert_eq!(stop.expect("stopped").truth.contact_losses, 0, "{what}");
-            let rest = run.last().truth.normal_force_n;
-            assert!(run.last().is_in(Mode::Stopped) && rest <= LIMIT / 2.0, "{what}: rests at {rest} N");
-        });
+    for inputs in [Some(1), None] {
+        let (mut by_force, mut touches) = (0, 0);
+        for (sampling_time, half, speed) in
+            [(0.004, 0.16, 0.12), (0.004, 0.16, 0.16), (0.001, 0.32, 0.25), (0.001, 0.32, 0.32)]
+        {
+            let mut experiment = stiffer(sampling_time, speed, 5.0);
+            experiment.config.mpc.inputs_per_cycle = inputs;
+            let (mut peak, mut stopped) = (0.0_f64, 0);
+            let mut each = |share: f64, run: &Run| {
+                let what = format!("{speed} m/s at {sampling_time} s, contact at {share}, inputs {inputs:?}");
+                let is_stopped = is_stopped(run, &what, &mut by_force);
+                // Several inputs in a slow cycle keep some of the slower ones near the limit.
+                assert!(is_stopped || (inputs.is_none() && speed < half), "{what}: not stopped");
+                peak = peak.max(run.peak(0)).max(run.peak(1));
+                (touches, stopped) = (touches + 1, stopped + u32::from(is_stopped));
+            };
+            experiment.at_instants(16, &mut each);
+            fresh(|seed| experiment.at_instants_of(seed, 4, &mut each));
+            println!("inputs {inputs:?}, {speed} m/s at {sampling_time} s: {stopped} stopped, at most {peak:.0} N");
+            // The first peak is not spared: twice the limit.
+            assert!(speed < half || inputs.is_some() || (1.9 * LIMIT..2.3 * LIMIT).contains(&peak), "{peak} N");
+        }
+        println!("inputs {inputs:?}: {by_force} of {touches} by the force");
+        assert!(2 * by_force > touches, "{by_force} of {touches} by the force, the others by the model");
     }
-    assert!(by_force > 32, "{by_force} of 64 by the force, the others by the model");
 }
 
 #[test]
@@ -105,21 +129,39 @@ fn no_force_far_beyond_its_limit_is_silent() {
 /// What the robustness study calls silent: nothing that a person looks at has said so.
 #[test]
 fn a_force_beyond_its_limit_that_is_counted_is_not_silent() {
-    let Experiment { config, scenario } = stiffer(0.001, 0.5, 2.0);
-    let contact = plausible::press(&config, &scenario).expect("it can be simulated");
-    assert!(contact.is_over && contact.stop_reason.is_none() && !contact.is_infeasible, "{contact:?}");
-    assert!(contact.counted > 0 && !contact.is_silent(), "{contact:?}");
-    assert!(plausible::Contact { counted: 0, ..contact }.is_silent());
+    for share in [0.0, 0.3, 0.5, 0.8] {
+        let Experiment { config, scenario } = stiffer(0.001, 0.5, 2.0).at_instant(share);
+        let contact = plausible::press(&config, &scenario).expect("it can be simulated");
+        assert!(contact.is_over && contact.stop_reason.is_none() && !contact.is_infeasible, "{share}: {contact:?}");
+        assert!(contact.counted > 0 && !contact.is_silent(), "{share}: {contact:?}");
+        assert!(plausible::Contact { counted: 0, ..contact }.is_silent());
+    }
 }
 
 #[test]
 fn the_force_guard_without_lag_takes_the_guard_that_is_told() {
-    let mut experiment = one_input(stiffer(0.004, 0.16, 5.0));
+    let mut experiment = stiffer(0.004, 0.16, 5.0);
     experiment.config.stopping.mismatch_n = None;
     experiment.config.stopping.force_guard_n = None;
-    experiment.at_instants(4, |share, run| {
+    let mut untold = |share: f64, run: &Run| {
         assert_eq!(run.stop_reason(), None, "no guard is told, contact at {share}");
-        assert!(run.counters.exceeded > 0, "counted all the same");
+        assert!(run.counters.exceeded > 0 || run.peak(1) <= LIMIT, "counted all the same, contact at {share}");
+    };
+    experiment.at_instants(8, &mut untold);
+    fresh(|seed| experiment.at_instants_of(seed, 4, &mut untold));
+    // The largest force that is shown without lag stands between a guard that stops and one that doesn't.
+    experiment.at_instants(8, |share, run| {
+        let shown = peak_of(run, |at| at.report.wrench_without_lag) - LIMIT;
+        for (guard, stops) in [(shown + 1.0, false), (shown - 1.0, true)] {
+            if guard < 1.0 {
+                continue;
+            }
+            let mut guarded = experiment.clone().at_instant(share);
+            guarded.config.stopping.force_guard_n = Some(guard);
+            let reason = guarded.run().stop_reason();
+            let expected = stops.then_some(StopReason::ForceExceeded.code());
+            assert_eq!(reason, expected, "{shown} N shown beyond the limit, guard {guard} N, contact at {share}");
+        }
     });
 }
 
@@ -135,11 +177,11 @@ fn noisy(sampling_time: f64, seed: u64, duration: f64) -> Experiment {
     experiment
 }
 
-/// No stop and no count in so long a noise, half of it in contact, half above the surface.
-fn nothing_in(sampling_time: f64, seconds: f64) {
+/// No stop and no count in so long a noise of seeds from `first` on, half of it in contact, half above the surface.
+fn nothing_in(sampling_time: f64, seconds: f64, first: u64) {
     const PIECE_S: f64 = 20.0;
     assert_eq!(noisy(sampling_time, 1, PIECE_S).config.warnings(), Vec::<String>::new());
-    for seed in 0..(seconds / PIECE_S / 2.0).ceil() as u64 {
+    for seed in (first..).take((seconds / PIECE_S / 2.0).ceil() as usize) {
         let pressed = noisy(sampling_time, seed, PIECE_S);
         let mut free = noisy(sampling_time, seed + 1000, PIECE_S).with_motion(&[(PIECE_S, &[0.0, 0.0])]);
         (free.scenario.surface, free.scenario.start.contact_time_s) = (None, None);
@@ -155,33 +197,37 @@ fn nothing_in(sampling_time: f64, seconds: f64) {
 
 #[test]
 fn two_newtons_of_noise_stop_nothing() {
-    nothing_in(0.004, 80.0);
-    nothing_in(0.001, 40.0);
+    nothing_in(0.004, 80.0, 0);
+    nothing_in(0.001, 40.0, 0);
+    fresh(|seed| nothing_in(0.004, 40.0, seed));
 }
 
 /// A slow estimate and a small limit: no window is long enough to be quiet, and nobody told the
 /// noise.
 #[test]
 fn noise_that_was_not_told_is_not_counted_where_no_window_takes_it_out() {
-    for seed in 0..4 {
-        let mut experiment = Experiment::paper(0.001, 0.002)
-            .with_motion(&[(1.0, &[0.0, -0.002]), (9.0, &[0.0, -0.0005])])
-            .with_wrench_lag(0.1);
-        experiment.scenario.noise.wrench = 1.0;
-        experiment.scenario.noise.seed = seed;
-        experiment.config.contact.force_limit = vec![40.0, 40.0];
-        experiment.config.contact.normal_force_reference_n = 32.0;
-        let run = experiment.run();
-        let (peak, counted) = (run.peak(0).max(run.peak(1)), run.counters.exceeded);
-        println!("seed {seed}: at most {peak:.1} N, {counted} samples counted, {:?}", run.stop_reason());
-        assert!(run.touched() && peak < 40.0, "{peak} N");
-        assert_eq!((counted, run.stop_reason()), (0, None), "seed {seed}");
-    }
+    (0..4).for_each(counts_nothing);
+    fresh(counts_nothing);
+}
+
+fn counts_nothing(seed: u64) {
+    let mut experiment = Experiment::paper(0.001, 0.002)
+        .with_motion(&[(1.0, &[0.0, -0.002]), (9.0, &[0.0, -0.0005])])
+        .with_wrench_lag(0.1);
+    experiment.scenario.noise.wrench = 1.0;
+    experiment.scenario.noise.seed = seed;
+    experiment.config.contact.force_limit = vec![40.0, 40.0];
+    experiment.config.contact.normal_force_reference_n = 32.0;
+    let run = experiment.run();
+    let (peak, counted) = (run.peak(0).max(run.peak(1)), run.counters.exceeded);
+    println!("seed {seed}: at most {peak:.1} N, {counted} samples counted, {:?}", run.stop_reason());
+    assert!(run.touched() && peak < 40.0, "{peak} N");
+    assert_eq!((counted, run.stop_reason()), (0, None), "seed {seed}");
 }
 
 #[test]
 #[ignore = "an hour of virtual time at each cycle time: minutes"]
 fn two_newtons_of_noise_stop_nothing_in_an_hour() {
-    nothing_in(0.004, 3600.0);
-    nothing_in(0.001, 3600.0);
+    nothing_in(0.004, 3600.0, 0);
+    nothing_in(0.001, 3600.0, 0);
 }

@@ -153,6 +153,7 @@ fn is_safe(
 
 #[cfg(test)]
 mod tests {
+    use super::super::Worlds;
     use super::super::tests::planar;
     use super::*;
 
@@ -165,6 +166,7 @@ mod tests {
             stiffnesses_n_m: Vec::new(),
             sampling_times_s: Vec::new(),
             instants: 2,
+            worlds: Worlds { count: 1, seed: 1 },
         };
         let prices = prices(&config, &question, 2).unwrap();
         let speed = |answer: &Answer| answer.speed_m_s.unwrap();

@@ -27,14 +27,11 @@ const STIFFNESS_FACTORS: [f64; 3] = [0.3, 1.0, 3.0];
 const SAMPLING_TIMES_S: [f64; 3] = [0.004, 0.002, 0.001];
 const ALL_STIFFNESS_FACTORS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
 const ALL_SAMPLING_TIMES_S: [f64; 5] = [0.004, 0.002, 0.001, 0.0005, 0.00025];
-/// Random worlds in which the recommended speed is safe, and where they come from.
-const WORLDS: u64 = 100;
-const WORLDS_SEED: u64 = 1;
 /// A world takes so much longer than the cell as told: its loops, its noise and its friction.
 const WORLD_WEIGHT: f64 = 1.5;
-/// What the configuration's keys accept.
 /// A part of the normal that is rounding of a frame's turn.
 const NO_NORMAL: f64 = 1e-12;
+/// What the configuration's keys accept.
 const ACCEPTED_STIFFNESS_N_M: (f64, f64) = (100.0, 1e8);
 const ACCEPTED_SAMPLING_TIME_S: (f64, f64) = (0.0001, 0.1);
 
@@ -45,8 +42,9 @@ const ACCEPTED_SAMPLING_TIME_S: (f64, f64) = (0.0001, 0.1);
     Safe: at every instant of contact within a cycle that was tried, the true force stays within the force limit + 0.5 N on \
     every admittance axis, the contact is not lost (with control.lag_tolerance_s but for a bounce at the impact), and the \
     controller neither stops nor refuses a sample. The simulated robot is exactly what the configuration says. The \
-    recommended speed is that of 100 random worlds as a careful commissioning leaves them open: stiffness x 0.5 to 2, normal \
-    +- 1 degree, speed loops +- 25 % and half of them of second order, lags, delays, friction, damping, noise.")]
+    recommended speed is that of random worlds as a careful commissioning leaves them open: stiffness x 0.5 to 2, normal \
+    +- 1 degree, speed loops +- 25 % and half of them of second order, lags, delays, friction, damping, noise. More of them \
+    (--worlds), and others (--seed), make it more certain, and lower.")]
 pub(crate) struct Args {
     /// Configuration of the daemon.
     #[arg(value_name = "CONFIG")]
@@ -77,6 +75,12 @@ pub(crate) struct Args {
     /// Instants of contact within a cycle, evenly spread, that a safe speed has to be safe at.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
     instants: u32,
+    /// Random worlds in which the recommended speed has to be safe.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    worlds: u64,
+    /// Seed of the random worlds.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
     #[command(flatten)]
     options: offline::Options,
 }
@@ -110,6 +114,14 @@ struct Question {
     /// Descending.
     sampling_times_s: Vec<f64>,
     instants: u32,
+    worlds: Worlds,
+}
+
+/// The random worlds in which the recommended speed is safe.
+#[derive(Debug, Clone, Copy)]
+struct Worlds {
+    count: u64,
+    seed: u64,
 }
 
 impl Question {
@@ -143,7 +155,8 @@ impl Question {
             let why = "contact.admittance_axes has no axis along which the surface pushes back: no approach is safe";
             return Err((Exit::Config, why.to_owned()));
         }
-        Ok(Self { approach, stiffnesses_n_m, sampling_times_s, instants: args.instants })
+        let worlds = Worlds { count: args.worlds, seed: args.seed };
+        Ok(Self { approach, stiffnesses_n_m, sampling_times_s, instants: args.instants, worlds })
     }
 }
 
@@ -213,27 +226,28 @@ impl Touch {
 /// What controller or plant do not accept although the checks did.
 fn recommended(
     config: &Config,
-    approach: &Approach,
+    question: &Question,
     own: &cell::Cell,
     threads: usize,
     progress: &Part<'_>,
 ) -> Result<Recommended, String> {
-    let none = |why: String| Recommended { speed_m_s: 0.0, as_told_m_s: 0.0, limited_by: Some(why), worlds: WORLDS };
+    let Worlds { count, seed } = question.worlds;
     let as_told_m_s = match own.safe_speed() {
         Ok(speed) => speed,
-        Err(why) => return Ok(none(why)),
+        Err(why) => return Ok(Recommended::new(0.0, 0.0, why, question.worlds)),
     };
     let config = config_for(config, own.sampling_time_s, own.stiffness_n_m)?;
-    let cell = plausible::Cell::known(config, approach, as_told_m_s);
+    let cell = plausible::Cell::known(config, &question.approach, as_told_m_s);
     let one = (WORLD_WEIGHT * weight(own.sampling_time_s) as f64) as u64;
-    let found = cell.plausible_speed(WORLDS_SEED, WORLDS, threads, &|| progress.add(one))?;
-    let limited_by = found.beyond.map(|(_, why)| why);
-    Ok(Recommended { speed_m_s: found.safe_m_s, as_told_m_s, limited_by, worlds: WORLDS })
+    let found = cell.plausible_speed(seed, count, threads, &|| progress.add(one))?;
+    let as_told = || format!("{}, with the model exactly as told", own.limited_by);
+    let limited_by = found.beyond.map_or_else(as_told, |(_, why)| why);
+    Ok(Recommended::new(found.safe_m_s, as_told_m_s, limited_by, question.worlds))
 }
 
 /// All cells.
 fn limits(path: &Path, config: &Config, question: &Question, threads: usize) -> Result<Limits, String> {
-    let Question { approach, stiffnesses_n_m, sampling_times_s, instants } = question;
+    let Question { approach, stiffnesses_n_m, sampling_times_s, instants, worlds } = question;
     let (own_time, own_stiffness) = (config.control.sampling_time_s, config.environment.normal_stiffness_n_m);
     let unlimited = unlimited_drives(config);
     // Fast cycles take longest: they come first, so that no thread is left alone with one.
@@ -250,9 +264,9 @@ fn limits(path: &Path, config: &Config, question: &Question, threads: usize) -> 
         asked.push((config, own_time, own_stiffness));
     }
     let of_cell = |time: f64| search::expected_tries((*instants).into()) * weight(time);
-    let of_worlds = (WORLD_WEIGHT * (search::expected_tries(WORLDS) * weight(own_time)) as f64) as u64;
+    let of_worlds = (WORLD_WEIGHT * (search::expected_tries(worlds.count) * weight(own_time)) as f64) as u64;
     let total = asked.iter().map(|(_, time, _)| of_cell(*time)).sum::<u64>() + of_worlds;
-    let progress = Progress::begin(total, &format!("{} cells and {WORLDS} worlds", asked.len()));
+    let progress = Progress::begin(total, &format!("{} cells and {} worlds", asked.len(), worlds.count));
     let found = parallel::map_within(&progress, asked.len() as u64, threads, |index| {
         let (config, time, stiffness) = asked[index as usize];
         cell::cell(config, approach, time, stiffness, *instants, &progress.part(of_cell(time)))
@@ -262,7 +276,7 @@ fn limits(path: &Path, config: &Config, question: &Question, threads: usize) -> 
         [limited, unlimited].map(|found| found.into_iter().map(|(_, cell)| cell).collect::<Vec<_>>());
     let own = cells.iter().find(|cell| is_own(cell.sampling_time_s, cell.stiffness_n_m)).cloned();
     let own = own.ok_or("the cell as configured was not computed")?;
-    let recommended = recommended(config, approach, &own, threads, &progress.part(of_worlds))?;
+    let recommended = recommended(config, question, &own, threads, &progress.part(of_worlds))?;
     if !is_asked {
         cells.pop();
     }

@@ -71,7 +71,8 @@ enum What {
     #[command(after_help = "Examples:\n  admittance-lab study contact-cycles --cycles 10000000 --seed 1\n  \
         admittance-lab study contact-cycles --seed 1 --index 17\n\n\
         Poses, surfaces, stiffness, weights and motions are drawn at random, and what nobody told as in `study robustness`. \
-        Fallback: a cycle in contact or in a stop without a usable answer, although time does not run out. The same seed gives \
+        Fallback: a cycle in contact or in a stop without a usable answer, although its sample is usable and time does not \
+        run out. The same seed gives \
         the same answer, whatever the number of threads. Exit code 1: something was FOUND.")]
     ContactCycles(contact_cycles::Args),
     /// Say all about one contact of a verdict study.

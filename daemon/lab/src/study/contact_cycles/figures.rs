@@ -19,8 +19,10 @@ struct Counts {
     infeasible: u64,
     /// Of them, given up.
     solver_failures: u64,
-    /// Cycles in contact or in a stop without a usable answer, whatever the reason.
+    /// Cycles in contact or in a stop without a usable answer, although the sample was one.
     fallbacks: u64,
+    /// Cycles in contact or in a stop whose sample could not be used.
+    refused: u64,
     /// Iterations of a problem in the mean.
     iterations_mean: f64,
     /// Most iterations of a problem.
@@ -44,6 +46,7 @@ impl Counts {
             infeasible: sum(|seen| seen.outcomes.infeasible),
             solver_failures: sum(|seen| seen.outcomes.failed),
             fallbacks: sum(|seen| seen.unanswered),
+            refused: sum(|seen| seen.refused),
             iterations_mean: iterations as f64 / solves.max(1) as f64,
             iterations_max: seen.map(|seen| seen.outcomes.iterations_max).max().unwrap_or(0),
             stops,
@@ -92,12 +95,13 @@ impl Figures {
             "infeasible",
             "failed",
             "fallbacks",
+            "samples refused",
             "iterations: mean, most",
             "stops",
         ]);
         let all = [("all", &self.all)];
         for (name, of) in self.by_cell.iter().map(|of| (of.cell, &of.counts)).chain(all) {
-            let counts = [of.contact_cycles, of.solves, of.infeasible, of.solver_failures, of.fallbacks];
+            let counts = [of.contact_cycles, of.solves, of.infeasible, of.solver_failures, of.fallbacks, of.refused];
             let stops: Vec<String> = of.stops.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
             let row = [name.to_owned(), of.contacts.to_string()].into_iter();
             let row = row

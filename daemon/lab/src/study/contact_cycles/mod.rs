@@ -49,6 +49,10 @@ pub(crate) struct Seen {
     unanswered: u64,
     /// Stamp in s of the first one.
     first_s: Option<f64>,
+    /// Cycles in contact or in a stop whose sample could not be used: there was no problem to answer.
+    refused: u64,
+    /// Why the first one could not.
+    refusal: Option<String>,
     /// Why the controller stopped.
     stop_reason: Option<StopReason>,
 }
@@ -112,15 +116,25 @@ fn press(seed: u64, index: u64) -> Result<Seen, String> {
         outcomes: Outcomes::default(),
         unanswered: 0,
         first_s: None,
+        refused: 0,
+        refusal: None,
         stop_reason: None,
     };
-    while let Some(Step { command, truth, .. }) = run.step().map_err(what)? {
+    while let Some(Step { command, report, truth, .. }) = run.step().map_err(what)? {
         let is_in = |mode: Mode| command.mode == mode.code();
         seen.contact_cycles += u64::from(is_in(Mode::Contact));
         let is_fallback = [Source::Plan, Source::Retreat].iter().any(|source| command.source == source.code());
-        if is_fallback && (is_in(Mode::Contact) || is_in(Mode::Stopping)) {
-            seen.unanswered += 1;
-            seen.first_s.get_or_insert(truth.scenario_time_s);
+        let is_asked = is_in(Mode::Contact) || is_in(Mode::Stopping);
+        match report.fault {
+            Some(fault) if is_asked => {
+                seen.refused += 1;
+                seen.refusal.get_or_insert_with(|| format!("{fault:?} at {} s", truth.scenario_time_s));
+            }
+            None if is_asked && is_fallback => {
+                seen.unanswered += 1;
+                seen.first_s.get_or_insert(truth.scenario_time_s);
+            }
+            Some(_) | None => {}
         }
         seen.stop_reason = seen.stop_reason.or_else(|| StopReason::from_code(command.stop_reason));
         if is_in(Mode::Stopped) {
