@@ -60,7 +60,7 @@ pub(crate) struct Seen {
 impl Seen {
     /// The solver gave no answer, or one that did not pass the check: neither may happen.
     fn is_finding(&self) -> bool {
-        self.unanswered > 0 || self.outcomes.failed > 0
+        self.unanswered > 0 || self.refused > 0 || self.outcomes.failed > 0
     }
 }
 
