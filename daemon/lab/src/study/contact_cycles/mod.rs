@@ -58,7 +58,8 @@ pub(crate) struct Seen {
 }
 
 impl Seen {
-    /// The solver gave no answer, or one that did not pass the check: neither may happen.
+    /// The solver gave no answer, or one that did not pass the check, or the sample of an arm that only presses was refused:
+    /// none may happen.
     fn is_finding(&self) -> bool {
         self.unanswered > 0 || self.refused > 0 || self.outcomes.failed > 0
     }
@@ -184,6 +185,7 @@ mod tests {
         assert!(!seen.is_finding() && seen.outcomes.solves >= seen.contact_cycles, "{seen:?}");
         for broken in [
             Seen { unanswered: 1, ..seen.clone() },
+            Seen { refused: 1, ..seen.clone() },
             Seen { outcomes: Outcomes { failed: 1, ..seen.outcomes }, ..seen.clone() },
         ] {
             assert_eq!(Figures::of(3, &[seen.clone(), broken]).found, [seen.index]);
