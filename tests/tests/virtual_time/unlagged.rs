@@ -52,7 +52,9 @@ fn is_stopped(run: &Run, what: &str, by_force: &mut u32) -> bool {
     let reason = StopReason::from_code(reason);
     assert!([StopReason::ForceExceeded, StopReason::ModelDisagrees].map(Some).contains(&reason), "{what}: {reason:?}");
     *by_force += u32::from(reason == Some(StopReason::ForceExceeded));
-    assert!(run.counters.exceeded > 0, "{what}: it is counted too");
+    let real = run.peak(0).max(run.peak(1));
+    // What is shown of a peak is nine tenths and more.
+    assert!(0.9 * real <= LIMIT || run.counters.exceeded > 0, "{what}: {real} N, and it is not counted too");
     // No bouncing before the stop, and no rest by the f̂ that still rises.
     let stop = run.instants.iter().find(|at| !at.is_in(Mode::Free) && !at.is_in(Mode::Contact));
     assert_eq!(stop.expect("stopped").truth.contact_losses, 0, "{what}");
@@ -80,14 +82,21 @@ fn a_stiffness_five_times_too_low_is_stopped_and_rests_at_a_low_force() {
                 peak = peak.max(run.peak(0)).max(run.peak(1));
                 (touches, stopped) = (touches + 1, stopped + u32::from(is_stopped));
             };
-            experiment.at_instants(16, &mut each);
+            experiment.at_instants(16, |share, run| {
+                each(share, run);
+                assert!(
+                    run.counters.exceeded > 0 || inputs.is_none(),
+                    "{share}: one input a cycle leaves it clearly beyond the limit"
+                );
+            });
             fresh(|seed| experiment.at_instants_of(seed, 4, &mut each));
             println!("inputs {inputs:?}, {speed} m/s at {sampling_time} s: {stopped} stopped, at most {peak:.0} N");
             // The first peak is not spared: twice the limit.
             assert!(speed < half || inputs.is_some() || (1.9 * LIMIT..2.3 * LIMIT).contains(&peak), "{peak} N");
         }
         println!("inputs {inputs:?}: {by_force} of {touches} by the force");
-        assert!(2 * by_force > touches, "{by_force} of {touches} by the force, the others by the model");
+        let seldom = inputs.is_some() && 2 * by_force <= touches;
+        assert!(!seldom, "{by_force} of {touches} by the force, the others by the model");
     }
 }
 

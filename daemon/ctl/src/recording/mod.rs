@@ -50,9 +50,9 @@ const RECORD_VERSION: &str = "record_version";
 /// version 2 recorded neither the tool's acceleration nor the joints' motion as the law sees it, nor
 /// the wrench without the lag of its estimate and how often that was too large; up to version 3
 /// modes, reasons and the like were codes, not names; up to version 4 the stiffness that is believed
-/// in was not recorded, up to version 5 not the normal, and up to
-/// version 6 not how sure the wrench is.
-pub(crate) const PRESENT_RECORD_VERSION: u32 = 7;
+/// in was not recorded, up to version 5 not the normal, up to version 6 not how sure the wrench is, and up to
+/// version 7 not the share of the command's verdict.
+pub(crate) const PRESENT_RECORD_VERSION: u32 = 8;
 /// Metadata: the checksum of the other entries. A file that breaks off has none of its data.
 const CHECKSUM: &str = "crc32";
 

@@ -111,7 +111,7 @@ impl Recording {
     /// versions have no checksum.
     fn find_record_version(&mut self) {
         let told = self.metadata().get(RECORD_VERSION).map_or(Some(1), |version| version.parse().ok());
-        let shown = self.items().first_cycle().map(|cycle| version_of(&cycle));
+        let shown = self.items().first_cycle().map(|(cycle, command)| version_of(&cycle, command.as_ref()));
         self.record_version = match (told, shown) {
             // A later version's record has what the present one has, and more.
             (Some(told), Some(PRESENT_RECORD_VERSION)) if told > PRESENT_RECORD_VERSION => told,
@@ -167,18 +167,21 @@ fn with_present_names(mut state: Value) -> Value {
 }
 
 /// A command with the present names of its fields: what joints follow that leave their resolution to the
-/// daemon, none did.
+/// daemon, none did; the share at risk was not said.
 fn of_present_names(mut command: Value) -> Value {
     if let (Some(object), Value::Object(zeroed)) = (command.as_object_mut(), CommandSample::zeroed().to_json()) {
-        object.entry("joint_per_twist").or_insert_with(|| zeroed["joint_per_twist"].clone());
+        for name in ["joint_per_twist", "verdict_share"] {
+            object.entry(name).or_insert_with(|| zeroed[name].clone());
+        }
     }
     command
 }
 
-/// The version of records whose messages on /cycle look like this.
-fn version_of(cycle: &Value) -> u32 {
+/// The version of records whose messages on /cycle look like this, and those on /command, if there are any.
+fn version_of(cycle: &Value, command: Option<&Value>) -> u32 {
     let has = |field: &str| cycle.get(field).is_some();
     match () {
+        () if has("wrench_deviation") && command.is_none_or(|command| command.get("verdict_share").is_some()) => 8,
         () if has("wrench_deviation") => 7,
         () if has("believed_normal") => 6,
         () if has("believed_stiffness_n_m") => 5,
@@ -227,15 +230,20 @@ impl Items<'_> {
         self.recording.contents.complete
     }
 
-    /// The first message on /cycle.
-    fn first_cycle(mut self) -> Option<Value> {
-        loop {
-            match self.message()? {
-                Ok(Found { topic, value, .. }) if topic == CYCLE => return Some(value),
-                Ok(_) => {}
-                Err(_) => return None,
+    /// The first message on /cycle, and the first on /command where there is one.
+    fn first_cycle(mut self) -> Option<(Value, Option<Value>)> {
+        let (mut cycle, mut command) = (None, None);
+        while let Some(Ok(Found { topic, value, .. })) = self.message() {
+            match topic.as_str() {
+                CYCLE if cycle.is_none() => cycle = Some(value),
+                COMMAND if command.is_none() => command = Some(value),
+                _ => {}
+            }
+            if cycle.is_some() && command.is_some() {
+                break;
             }
         }
+        cycle.map(|cycle| (cycle, command))
     }
 
     fn next_chunk(&mut self) -> Option<()> {

@@ -73,4 +73,7 @@ pub(super) fn copy_missing(version: u32, replayed: &mut RecordSample, record: &R
     if version < 7 {
         replayed.wrench_deviation = record.wrench_deviation;
     }
+    if version < 8 {
+        replayed.command.verdict_share = record.command.verdict_share;
+    }
 }
