@@ -387,12 +387,12 @@ mod tests {
             let answer = Contact { drives: Some(drives), ..free.clone() }.lowest_peak().unwrap();
             let (mut last, mut rate) = (Input { duration_s: 0.001, reference: before.clone() }, [0.0; 2]);
             for input in &answer.inputs[1..] {
-                for joint in 0..2 {
+                for (joint, rate) in rate.iter_mut().enumerate() {
                     let change = (input.reference[joint] - last.reference[joint]) / last.duration_s;
                     assert!(change.abs() <= acceleration * (1.0 + 1e-6), "{change}");
-                    let jerks = (change - rate[joint]).abs() / last.duration_s;
+                    let jerks = (change - *rate).abs() / last.duration_s;
                     assert!(jerks <= jerk * (1.0 + 1e-6) + 1e-3, "{jerks}");
-                    rate[joint] = change;
+                    *rate = change;
                 }
                 last = input.clone();
             }
