@@ -83,24 +83,26 @@ fn fixed_joints_and_what_hangs_on_a_link_are_folded_in() {
 /// many as its joints can move the tip on.
 #[test]
 fn an_arm_of_any_number_of_joints_has_the_axes_that_it_can_move() {
-    let of = |text: &str, base: &str, tip: &str| {
-        let printed = printed(text.as_bytes(), &origin(base, tip), false)
+    // The tip is a hand's length beyond the last joint.
+    let of = |text: &str, last: &str| {
+        let end = format!(
+            "<joint name=\"end\" type=\"fixed\"><parent link=\"{last}\"/><child link=\"end\"/><origin xyz=\"0.3 0 0\"/>\
+             </joint><link name=\"end\"/></robot>"
+        );
+        let printed = printed(text.replacen("</robot>", &end, 1).as_bytes(), &origin("world", "end"), false)
             .unwrap_or_else(|refused| panic!("{}", refused.of("arm.urdf")));
         parse::<Config>(&marked::with_examples(&printed), "arm").unwrap_or_else(|errors| panic!("{errors}")).robot
     };
     let axes = |names: &[&str]| Some(names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>());
-    let planar = of(&ARM.replacen("<axis xyz=\"0 1 0\"/>", "<axis xyz=\"0 0 -1\"/>", 1), "world", "upper");
+    let planar = of(&ARM.replacen("<axis xyz=\"0 1 0\"/>", "<axis xyz=\"0 0 -1\"/>", 1), "upper");
     assert_eq!((planar.joint.len(), planar.task_axes, planar.controlled_axes), (2, 2, None));
-    // A column that turns and a shoulder that nods: in the base frame the tip goes round, and up.
-    let nods = of(ARM, "world", "fore");
+    // A column that turns, a shoulder and an elbow that nod: the tip goes round, up and out.
+    let nods = of(ARM, "fore");
     assert_eq!((nods.joint.len(), nods.task_axes, nods.controlled_axes), (3, 6, axes(&["x", "y", "z"])));
-    let upright = of(
-        &ARM.replacen("<axis xyz=\"0 0 2\"/>", "<axis xyz=\"0 1 0\"/>", 1).replacen(" rpy=\"0 0 1.5\"", "", 1),
-        "world",
-        "fore",
-    );
+    let upright = ARM.replacen("<axis xyz=\"0 0 2\"/>", "<axis xyz=\"0 1 0\"/>", 1).replacen(" rpy=\"0 0 1.5\"", "", 1);
+    let upright = of(&upright, "fore");
     assert_eq!((upright.joint.len(), upright.task_axes, upright.controlled_axes), (3, 6, axes(&["x", "z", "ry"])));
-    let five = of(ARM, "world", "hand");
+    let five = of(ARM, "hand");
     assert_eq!((five.joint.len(), five.task_axes, five.controlled_axes), (5, 6, axes(&["x", "y", "z", "rx", "ry"])));
 }
 
