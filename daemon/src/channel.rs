@@ -203,8 +203,8 @@ impl ServiceEnd {
 
 /// Orders and replies that may wait.
 const ORDERS: usize = 8;
-/// Records that may wait: half a second at 4 kHz.
-pub(crate) const RECORDS: usize = 2048;
+/// Records that may wait: 0.4 s at 4 kHz. More would take the daemon beyond 64 MiB.
+pub(crate) const RECORDS: usize = 1792;
 
 /// Rings for one pair of threads.
 pub(crate) fn channel() -> (RealtimeEnd, ServiceEnd) {
