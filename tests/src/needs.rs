@@ -52,7 +52,7 @@ pub enum Need {
     CToolchain,
     /// dpkg, binutils and lintian.
     Packages,
-    /// iceoryx2's tunnel over zenoh, of [`TUNNEL_VERSION`]: see [`tunnel`]; and the means (root, iproute2, namespaces) to make
+    /// iceoryx2's tunnel over zenoh, of `TUNNEL_VERSION`: see [`tunnel`]; and the means (root, iproute2, namespaces) to make
     /// two machines of one.
     Tunnel,
 }
