@@ -8,7 +8,7 @@ use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
 use super::drive_way::DriveWay;
-use super::every_surface::{of_set, pressing_everywhere};
+use super::every_surface::{of_set, pressing_everywhere, shown_beyond};
 use super::full_outward::outward;
 use super::late_arm::{free_of_told, pressed_late};
 use super::qp::QpSolver;
@@ -24,6 +24,9 @@ const KEPT: Slack = Slack { softened: Softened::Minimum, price: 1.0, curvature: 
 /// loop that lags more than it was told would bounce for as long as the law corrects it within a
 /// few cycles.
 const SETTLING: f64 = 100.0;
+/// Part of what f̂ shows beyond the force while that falls by which the force may be smaller than it is believed to be:
+/// T_est is known no better than within a quarter.
+const MISSING: f64 = 0.5;
 /// Part of the joints' speed that has to be left for all of it: with less the weight goes down to R
 /// steadily, so that an arm that slides along its limits does not jump from one law to the other.
 const ENOUGH_SPEED: f64 = 0.05;
@@ -137,8 +140,10 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             None if late > 0.0 => free_of_told(&settings, situation, &demand.signs, (tolerance, late)),
             None => 0.0,
         };
-        // Where every surface that may be there presses with a force, as that of the likeliest.
-        let pressing = |force: f64| set.map_or(force, |set| pressing_everywhere(set, situation, force));
+        // Where every surface that may be there presses with a force, as that of the likeliest, and with as much
+        // more as may be missing of it.
+        let missing = if set.is_some() && demand.settles { MISSING * shown_beyond(situation) } else { 0.0 };
+        let pressing = |force: f64| set.map_or(force, |set| pressing_everywhere(set, situation, force + missing));
         let mut bounds = ForceBounds::none();
         for axis in (0..D).filter(|&axis| demand.signs[axis] != 0.0) {
             let (sign, minimum) = (demand.signs[axis], demand.minimum[axis]);

@@ -114,10 +114,15 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
     }
 
     /// The offset along the normal without which an arm that slides with this twist would leave
-    /// its path. At most [`MOST_LEAD`].
+    /// its path, or the surface leave it where it is not quite as its normal says. At most [`MOST_LEAD`].
     pub(super) fn lead(&self, settings: &Settings<N, D>, sliding: &SVector<f64, D>) -> SVector<f64, D> {
-        let lead = self.normal_lead(settings, &self.told_with(sliding));
-        self.belief.surface().normal * lead.clamp(-MOST_LEAD, MOST_LEAD)
+        let (told, surface) = (self.told_with(sliding), self.belief.surface());
+        let falling_away = self.belief.set().map_or(0.0, |set| {
+            let (_, along) = surface.parts(&(self.sample.posture.jacobian() * told));
+            set.falling_away(&along)
+        });
+        let lead = self.normal_lead(settings, &told) - falling_away;
+        surface.normal * lead.clamp(-MOST_LEAD, MOST_LEAD)
     }
 
     /// The speed along the normal, in m/s, that an arm needs beside its twist to keep to it while

@@ -138,7 +138,7 @@ impl Hold {
         (tuning, tilt): (&Tuning, &Tilt),
     ) {
         let learns = tuning.learns_normal();
-        let path = if learns { self.heading.dot(&way.beside) } else { way.along() };
+        let path = self.heading.dot(&way.beside);
         self.predict(way, path, tuning);
         let along = if learns { self.heading.dot(beside) } else { 0.0 };
         self.correct(force, along, weight, tuning);
@@ -177,7 +177,9 @@ impl Hold {
             self.covariance.column_mut(BEND).scale_mut(kept * kept);
             let lost = (1.0 - kept * kept).max(0.0);
             self.covariance[(SLOPE, SLOPE)] += lost * tuning.slope * tuning.slope;
-            self.covariance[(BEND, BEND)] += lost * BENT * BENT;
+            if tuning.learns_normal() {
+                self.covariance[(BEND, BEND)] += lost * BENT * BENT;
+            }
         }
         (self.heading, self.pending) = (heading, Vector3::zeros());
         along
@@ -193,6 +195,12 @@ impl Hold {
         let tilt = self.tilt();
         (self.state[SLOPE], self.across) = (0.0, Vector3::zeros());
         tilt
+    }
+
+    /// How fast the surface falls away from a tool that moves with this velocity along it (m/s, base frame), m/s:
+    /// by a slope that is not counted in the normal.
+    pub(super) fn falling_away(&self, along: &Vector3<f64>) -> f64 {
+        self.state[SLOPE] * self.heading.dot(along)
     }
 
     /// How fast the normal turns along the path, rad/m: above zero the surface falls away.

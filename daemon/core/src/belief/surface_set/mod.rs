@@ -10,8 +10,9 @@
 //! | touch | cells between contact depths on the way just travelled, each a least squares | `touch`, `bank`, `cell` |
 //! | hold | a Kalman filter over (m, k, θ = k c, slope, bend); at the end of the range a second one | `hold`, `tilt`, `harder` |
 //!
-//! Touch goes over to hold once it is certain, and where the normal is told not before 20 ms and a lag of f̂ after it
-//! was noticed; contact lost for 8 ms leads back, with what is known of k, for one second.
+//! Touch goes over to hold once it is certain and an axis is in contact, and where the normal is told not before 20 ms
+//! and a lag of f̂ after it was noticed; contact lost for 8 ms leads back, with what is known of k, for one second.
+//! A force below β in free motion, of a tool that is not as heavy as told, is thus no contact to remember.
 //!
 //! The set of z deviations is {cost ≤ least + z² · max(1, least / (n − 2))}. On a plane all rows of
 //! the force are one row in depth, so that a set costs no row: what the law asks for are the depths
@@ -43,8 +44,8 @@ const FLOOR_PART: f64 = 0.005;
 const FADING_PART: f64 = 0.2;
 /// How long a touch takes from when it was noticed beyond the lag of f̂, s.
 const TOUCH: f64 = 0.020;
-/// Slope of a surface whose normal is told.
-const TOLD_SLOPE: f64 = 0.002;
+/// Slope of a surface whose normal is told: one deviation of a plane that was aligned within a degree.
+const TOLD_SLOPE: f64 = 0.01;
 /// Largest tolerance of a normal is so many deviations of the slope.
 const TOLERANCE_DEVIATIONS: f64 = 2.0;
 /// Contact is lost when nothing has touched for so long, s.
@@ -224,8 +225,9 @@ impl SurfaceSet {
                 }
             }
             Stage::Hold(hold) => {
+                let path = hold.turn(&way.beside, &self.tuning);
                 if self.tuning.learns_normal() {
-                    self.tilt.path += hold.turn(&way.beside, &self.tuning);
+                    self.tilt.path += path;
                 }
                 let told = (&self.tuning, &self.tilt);
                 hold.follow(way, (force, beside), weight, told);
@@ -239,16 +241,17 @@ impl SurfaceSet {
                 }
             }
         }
-        self.change_stage();
+        self.change_stage(in_contact);
     }
 
-    fn change_stage(&mut self) {
+    fn change_stage(&mut self, in_contact: bool) {
         match &self.stage {
             Stage::Touch(touch) => {
                 let Some(found) = touch.found() else { return };
                 if touch.away() > LOST {
                     (self.fading, self.stage) = (self.fading + found.shown, Stage::Touch(Touch::new()));
-                } else if touch.is_certain()
+                } else if in_contact
+                    && touch.is_certain()
                     && touch.noticed().is_some_and(|since| since >= self.tuning.touch())
                     && touch.away() == 0.0
                 {
@@ -305,6 +308,12 @@ impl SurfaceSet {
     /// How fast the normal turns along the path, rad/m: above zero the surface falls away.
     pub(crate) fn bend(&self) -> f64 {
         if let Stage::Hold(hold) = &self.stage { hold.bend() } else { 0.0 }
+    }
+
+    /// How fast the surface falls away from a tool that moves with this velocity along it (m/s, base frame), m/s,
+    /// beside what its normal says.
+    pub(crate) fn falling_away(&self, along: &Vector3<f64>) -> f64 {
+        if let Stage::Hold(hold) = &self.stage { hold.falling_away(along) } else { 0.0 }
     }
 
     /// Whether the normal that was learned still holds.

@@ -25,8 +25,8 @@ pub(super) const EVIDENCE: f64 = 25.0;
 const EVIDENCE_IN_CONTACT: f64 = 4.0;
 /// With less than this nothing was touched after all.
 const NO_EVIDENCE: f64 = 4.0;
-/// With more there are no doubts that something was: until then the tool may still be on its way to
-/// the surface, and there are new nodes.
+/// With more there are no doubts that something was: until then, and until an axis is in contact, the tool may still
+/// be on its way to the surface, and there are new nodes.
 const CERTAIN: f64 = 100.0;
 /// Likelihood against the best that does not count any more.
 const UNLIKELY: f64 = 1e-6;
@@ -153,7 +153,7 @@ impl Touch {
             self.coarse.advance(piece, weights, decay);
             self.since_fine += piece.duration;
             self.since_coarse += piece.duration;
-            if !self.is_certain() {
+            if !(in_contact && self.is_certain()) {
                 self.place(piece.depth[2], tuning);
             }
         }
