@@ -63,9 +63,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     let there = destination(args, &settings)?;
     let unavailable = |why: String| (Exit::Unavailable, why);
     // What it lacks later would be a SIGBUS, and not its own alone.
-    there
-        .check(NEEDED)
-        .map_err(|error| (Exit::of_refusal(error.is_permission()), error.to_string()))?;
+    there.check(NEEDED).map_err(|error| (Exit::of_refusal(error.is_permission()), error.to_string()))?;
     let records =
         services::record(&node, &settings.instance, Access::Open).map_err(|error| unavailable(error.to_string()))?;
     let records = records.subscriber().map_err(|error| unavailable(error.to_string()))?;
