@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use ipc_types::resources::Needed;
 use ipc_types::services::{self, Access};
 use ipc_types::{IpcSettings, Publisher, Subscriber, WireSample};
 
@@ -13,8 +14,11 @@ use crate::Exit;
 use crate::diagnostics::subscribe;
 use crate::target::Target;
 
-/// Time between two looks: far below what waits in the daemon's buffer of records.
-const POLL: Duration = Duration::from_millis(5);
+/// Time between two looks: far below what waits in the daemon's buffer of records (a second at 4 kHz), and no more at once than the
+/// tunnel bears (64).
+const POLL: Duration = Duration::from_millis(10);
+/// Most of it for records that wait for their readers, of whom there is one more than the daemon has.
+const NEEDED: Needed = Needed { bytes: 48 << 20, descriptors: 64 };
 /// Without diagnostics for so long the daemon is said to be silent: it sends several a second.
 const SILENT: Duration = Duration::from_secs(3);
 
@@ -58,6 +62,8 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     let (node, settings, opening) = args.target.connect()?;
     let there = destination(args, &settings)?;
     let unavailable = |why: String| (Exit::Unavailable, why);
+    // What it lacks later would be a SIGBUS, and not its own alone.
+    there.check(NEEDED).map_err(|error| (Exit::of_refusal(error.is_permission()), error.to_string()))?;
     let records =
         services::record(&node, &settings.instance, Access::Open).map_err(|error| unavailable(error.to_string()))?;
     let records = records.subscriber().map_err(|error| unavailable(error.to_string()))?;

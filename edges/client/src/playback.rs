@@ -166,7 +166,8 @@ impl Playback {
             self.slots[index].resolved = true;
             if let Some(command) = self.slots[index].command {
                 self.in_force = Some(command);
-                self.late = None;
+                // One that answers a later sample is newer, though it was late for it.
+                self.late = self.late.filter(|late| late.state_sequence > command.state_sequence);
             }
         }
     }

@@ -111,6 +111,25 @@ fn a_limit_that_was_forgotten_is_none() {
     assert_eq!(limits.validate(2), Ok(()), "there is no third joint");
 }
 
+/// A controller that was kept from its cycle finds two answers at once: one that was in time, and a newer one that was not.
+#[test]
+fn an_answer_that_is_late_is_not_lost_to_an_older_one() {
+    let mut playback = Playback::new(2, 2 * SAMPLING_TIME_NS, SAMPLING_TIME_NS);
+    (1..=2).for_each(|sequence| playback.begin_sample(sequence, stamp(sequence)));
+    assert_eq!(playback.receive(&answer(1), stamp(2)), Ok(Reception::InTime));
+    let after = stamp(4) + 1;
+    let mut newer = answer(2);
+    newer.valid_until_ns = stamp(8);
+    (newer.velocity_offset[1], newer.plan_length) = (-0.03, 0);
+    assert_eq!(playback.receive(&newer, after), Ok(Reception::Late));
+    playback.apply_due(after);
+    let Applied::Offset(older) = playback.applied(after) else { panic!("its plan lasts") };
+    assert_eq!(older[1], 0.08, "the second step of the older one, until the next sample");
+    playback.begin_sample(3, after);
+    assert_eq!(playback.applied(after), Applied::Offset(newer.velocity_offset));
+    assert_eq!(playback.missed(), 1);
+}
+
 /// As `docs/client.md` says for a controller that looks once per update, and acts on the answer to the sample before.
 #[test]
 fn a_controller_that_looks_once_per_update_misses_nothing_by_jitter() {

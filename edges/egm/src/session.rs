@@ -11,7 +11,7 @@ pub const LISTENED: u32 = 50;
 /// Cycles without a message after which speeds are no longer taken from the difference: the next one begins anew.
 const LONGEST_GAP: u64 = 5;
 /// By so much a message may be late, ns: what is later is of a clock that was set, or of another time.
-const LATEST_NS: i64 = 100_000_000;
+const LATEST_NS: u64 = 100_000_000;
 /// By how much faster than its limit a joint may seem to move: measured positions are not exact.
 const MARGIN: f64 = 1.5;
 
@@ -123,7 +123,7 @@ impl Session {
         let elapsed_ns = elapsed(&last.reading.time, &reading.time).ok_or(Refusal::Clock { sequence })?;
         let robot_ns = last.robot_ns.wrapping_add(elapsed_ns);
         let late_ns = last.clock.lateness(robot_ns, arrival_ns);
-        if late_ns.abs() > LATEST_NS {
+        if late_ns.unsigned_abs() > LATEST_NS {
             return Err(Refusal::Late { sequence, late_ms: late_ns / 1_000_000 });
         }
         let speeds = self.speeds("feedBack.joints", reading, &last, elapsed_ns, |reading| &reading.position);
@@ -299,6 +299,10 @@ mod tests {
         let other = Reading { time: RobotTime::Header(0), ..sound };
         assert!(matches!(session.take(&other, arrival_ns), Err(Refusal::Clock { .. })));
         assert!(matches!(session.take(&sound, arrival_ns + 200_000_000), Err(Refusal::Late { late_ms: 200, .. })));
+        // Half of all times away, which is later than it is early by nothing: the one time whose magnitude has no i64.
+        let opposite = arrival_ns.wrapping_sub(START_NS).wrapping_add(1 << 63);
+        let far = Reading { time: RobotTime::FeedBack(opposite), ..sound };
+        assert!(matches!(session.take(&far, arrival_ns), Err(Refusal::Late { .. })));
         assert!(session.take(&sound, arrival_ns).expect("none of that has left a trace").is_some());
     }
 
