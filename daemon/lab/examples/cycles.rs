@@ -136,6 +136,9 @@ fn median_us(times: &mut [u64]) -> f64 {
     quantile_us(times, 0.5)
 }
 
+/// Divisions that are timed: a few microseconds.
+const DIVISIONS: u32 = 1000;
+
 /// So many divisions, each of which waits for the one before: nothing but time passes.
 fn spin(divisions: u32) -> u64 {
     let begun = Clock::now();
@@ -148,7 +151,8 @@ fn time_beside_spin(joints: &str, rounds: u32) -> Result<(), Box<dyn std::error:
     let contact = contact(joints, "known")?;
     let mut warm_up = Vec::new();
     contact.round(Clock::now, |_, begun| warm_up.push(begun.elapsed().as_nanos() as u64))?;
-    let divisions = (median_us(&mut warm_up) * 1e3 / spin(1_000_000) as f64 * 1e6) as u32;
+    let fastest = (0..100).map(|_| spin(DIVISIONS)).min().unwrap_or(1);
+    let divisions = (median_us(&mut warm_up) * 1e3 / fastest as f64 * f64::from(DIVISIONS)) as u32;
     let (mut cycles, mut spins, mut least) = (Vec::new(), Vec::new(), vec![u64::MAX; contact.samples.len()]);
     for _ in 0..rounds {
         let mut sample = 0;
