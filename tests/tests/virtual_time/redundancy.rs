@@ -181,6 +181,29 @@ fn joints_turn_away_from_their_limits_within_the_limits_of_their_drives() {
     }
 }
 
+/// A wrench with noise has the twist correct itself all the time: what that leaves of the drives is enough to keep the joint from
+/// its limit.
+#[test]
+fn joints_turn_away_from_their_limits_beside_a_twist_that_is_never_quiet() {
+    for (sampling_time, inputs) in [(0.001, 1), (0.004, 1), (0.004, 4)] {
+        for noise in [0.5, 1.0] {
+            let limits = (-6.0, -2.3);
+            let mut experiment = with_limits(resolved(sampling_time, ResolutionName::Keep), LAST, limits)
+                .with_drives(Published::fr3(), sampling_time / f64::from(inputs));
+            experiment.config.mpc.inputs_per_cycle = Some(inputs);
+            (experiment.scenario.noise.wrench, experiment.scenario.noise.seed) = (noise, 7);
+            experiment.config.environment.wrench_noise_n = noise;
+            let run = experiment.run();
+            let what = format!("{noise} N of noise, {sampling_time} s, {inputs} inputs, driven");
+            tell(&run, &what);
+            let (_, high) = range(&run, LAST);
+            assert_eq!(run.stop_reason(), None, "{what}");
+            assert!((slid(&run) - 2.0).abs() < 0.03, "{what}: slid {} m", slid(&run));
+            assert!(high < limits.1 - 0.08, "{what}: {high} rad");
+        }
+    }
+}
+
 /// In free motion nobody but the resolution looks at the joints' limits: a fast twist drives one towards its end, and
 /// the others go as fast in its place.
 #[test]
