@@ -164,14 +164,16 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
             belief.release();
         }
         belief.follow_link(parameters.impact.as_ref(), sample, &joints.velocity);
+        let left = output.left_by_twist(sample.stamp);
+        let mut beside_is_commanded = true;
         match supervisor.mode() {
-            Mode::Idle(_) if supervisor.holds() => beside.choose(sample, &sample.twist_reference, Wish::Rest),
-            Mode::Idle(_) => beside.stand_by(sample),
+            Mode::Idle(_) if supervisor.holds() => beside.choose(sample, (&sample.twist_reference, left), Wish::Rest),
+            Mode::Idle(_) => beside_is_commanded = beside.stand_by(sample, left),
             Mode::Free { .. } | Mode::Contact(_) if supervisor.is_enabled() => {
-                beside.choose(sample, &(sample.twist_reference + output.offset()), Wish::Aim);
+                beside.choose(sample, (&(sample.twist_reference + output.offset()), left), Wish::Aim);
             }
             Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
-                beside.choose(sample, &sample.twist_reference, Wish::Rest);
+                beside.choose(sample, (&sample.twist_reference, left), Wish::Rest);
             }
         }
         if parameters.limits.drives.is_some() {
@@ -180,7 +182,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let predicted = predict(sample, (joints, beside), belief, supervisor, mpc, output, expired);
         let movement = predicted.movement.unwrap_or_else(|| match supervisor.mode() {
             Mode::Idle(_) if supervisor.holds() => output.hold(sample.stamp, Some(sample)),
-            Mode::Idle(_) => output.rest(sample),
+            Mode::Idle(_) => output.rest(&beside.as_commanded(sample), beside_is_commanded),
             Mode::Free { .. } | Mode::Contact(_) => {
                 let free = supervisor.free_offset(sample, belief);
                 output.go_on(sample, belief.contact().is_any(), supervisor.is_enabled(), &free)
@@ -197,6 +199,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let movement = match supervisor.mode() {
             // The motion controller moves the arm as it is commanded, or holds it.
             Mode::Idle(_) if movement.source == Source::None => movement,
+            Mode::Idle(_) if !supervisor.holds() => beside.shown(movement, &beside.as_commanded(sample)),
             Mode::Idle(_) | Mode::Free { .. } | Mode::Contact(_) | Mode::Stopping(_) | Mode::Stopped(_) => {
                 beside.shown(movement, sample)
             }
@@ -215,7 +218,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         match (bridge, last) {
             // A plan goes on with what the joints do beside it.
             (Bridge::Ramp | Bridge::Plan, _) => {}
-            (Bridge::Retreat | Bridge::Hold, Some(last)) => beside.choose(last, &last.twist_reference, Wish::Rest),
+            (Bridge::Retreat | Bridge::Hold, Some(last)) => {
+                beside.choose(last, (&last.twist_reference, output.left_by_twist(now)), Wish::Rest);
+            }
             (Bridge::Retreat | Bridge::Rest | Bridge::Hold, _) => beside.stop(),
         }
         output.set_beside(beside.of_drives());

@@ -10,7 +10,7 @@ use crate::mpc::{self, Discretization, LowerBound, Options, SolverCapacity};
 use crate::output::{self, Law, MAX_STEPS};
 use crate::quantities::Span;
 use crate::redundancy::{self, Redundancy};
-use crate::robot::{Chain, DriveLimits, Drives, MotionLimits, VelocityLoops};
+use crate::robot::{Chain, DriveLimits, MotionLimits, VelocityLoops};
 use crate::supervisor::{self, Guards, Policy};
 use crate::surface::Surface;
 use crate::turn::Turn;
@@ -178,19 +178,13 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         }
     }
 
-    /// What the drives leave to the joint velocity of a twist.
-    fn drives_of_twist(&self) -> Option<Drives<N>> {
-        let drives = self.limits.drives?;
-        Some(self.redundancy.map_or(drives, |redundancy| redundancy.left_to_twist(drives)))
-    }
-
     pub(crate) fn mpc(&self) -> mpc::Settings<N, D> {
         mpc::Settings {
             options: self.mpc,
             loops: self.loops,
             wrench_time_constant: self.wrench_time_constant,
             admittance: self.thresholds.admittance,
-            limits: MotionLimits { drives: self.drives_of_twist(), ..self.limits },
+            limits: self.limits,
             timing: self.timing,
             stop_force: self.stopping.stop_force,
         }
@@ -207,8 +201,9 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             may_settle: self.limits.inward_rate.is_none()
                 && self.limits.drives.is_none()
                 && self.mpc.lower_bound == LowerBound::OnceReached,
-            drives: self.drives_of_twist(),
+            drives: self.limits.drives,
             tick: self.tick(),
+            resolves: self.redundancy.is_some(),
             retreat_speed: self.stopping.retreat_speed,
             minimum_reciprocal_condition: self.minimum_reciprocal_condition,
             timing: self.timing,

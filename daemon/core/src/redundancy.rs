@@ -23,7 +23,7 @@ use nalgebra::SVector;
 use crate::intake::{Accepted, Timing};
 use crate::output::{Beside, MAX_DELAY_CYCLES, Movement};
 use crate::quantities::{Instant, Span};
-use crate::robot::{DriveLimits, Drives, Interval, MotionLimits, NullSpace, Reference};
+use crate::robot::{DriveLimits, Interval, MotionLimits, NullSpace, Reference};
 
 /// What the null-space motion is to bring about.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,9 +59,15 @@ pub struct Redundancy<const N: usize> {
 /// How fast a joint may come nearer to the margin of its limits, per rad or m that is left; within the
 /// margin it goes back as fast.
 const APPROACH: f64 = 2.0;
-/// Part of the drives' acceleration and jerk that is left to this motion: the twist has the others, so the two
-/// together keep the limits, whatever each of them does.
+/// Part of the drives' acceleration and jerk that this motion takes at most, and as much again has to be left over by the
+/// way that the twist is on: the task comes first. What this motion takes is taken from the twist, so the two together
+/// keep the limits, whatever each of them does.
 const OF_DRIVES: f64 = 0.2;
+/// The same where it stays for the ticks of a cycle and changes in the first of them alone: it has nothing to fade, and so little
+/// time for what it wants.
+const OF_ONE_TICK: f64 = 0.6;
+/// Rounding of a joint's velocity, rad/s or m/s.
+const ROUNDING: f64 = 1e-12;
 /// Instants kept: more than commands can be under way, with a cycle behind the sample.
 const KEPT: usize = 2 * MAX_DELAY_CYCLES as usize;
 
@@ -76,7 +82,7 @@ pub(crate) struct Settings<const N: usize> {
     pub joint_speed: Option<SVector<f64, N>>,
     /// When commands act.
     pub timing: Timing,
-    /// What the drives leave to this motion.
+    /// What the drives allow.
     pub drives: Option<DriveLimits<N>>,
     /// Time from one streamed reference to the next.
     pub tick: Span,
@@ -89,29 +95,10 @@ impl<const N: usize> Settings<N> {
         timing: Timing,
         tick: Span,
     ) -> Self {
-        let drives = limits.drives.map(|drives| part(&drives.limits, OF_DRIVES));
+        let drives = limits.drives.map(|drives| drives.limits);
         let MotionLimits { joint_position, joint_speed, .. } = *limits;
         Self { redundancy, joint_position, joint_speed, timing, drives, tick }
     }
-}
-
-impl<const N: usize> Redundancy<N> {
-    /// Whether the joints may do anything beside the task.
-    fn moves(&self) -> bool {
-        self.aim != Aim::Nothing || self.limit_margin.is_some()
-    }
-
-    /// What the drives leave to the twist.
-    pub(crate) fn left_to_twist(&self, drives: Drives<N>) -> Drives<N> {
-        let limits = if self.moves() { part(&drives.limits, 1.0 - OF_DRIVES) } else { drives.limits };
-        Drives { limits, ..drives }
-    }
-}
-
-/// So much of acceleration and jerk. Speed is shared as it is needed.
-fn part<const N: usize>(limits: &DriveLimits<N>, part: f64) -> DriveLimits<N> {
-    let of = |values: [f64; N]| values.map(|value| value * part);
-    DriveLimits { acceleration: of(limits.acceleration), jerk: of(limits.jerk), ..*limits }
 }
 
 /// What the law wants of the null space in a cycle.
@@ -133,6 +120,8 @@ pub(crate) struct NullMotion<const N: usize> {
     own: SVector<f64, N>,
     /// By how much what is told has just changed, rad/s² or m/s², where the drives limit it.
     acceleration: SVector<f64, N>,
+    /// The jerk that this took, or takes to fade, rad/s³ or m/s³.
+    jerk: SVector<f64, N>,
     wish: Wish,
     /// What was told, by the instants from which it acts; the last `len` count.
     history: [(Instant, SVector<f64, N>); KEPT],
@@ -144,13 +133,22 @@ impl<const N: usize> NullMotion<N> {
     pub(crate) fn new(settings: Settings<N>) -> Self {
         let nothing = SVector::zeros();
         let history = [(Instant::default(), nothing); KEPT];
-        Self { settings, told: nothing, own: nothing, acceleration: nothing, wish: Wish::Rest, history, len: 0 }
+        Self {
+            settings,
+            told: nothing,
+            own: nothing,
+            acceleration: nothing,
+            jerk: nothing,
+            wish: Wish::Rest,
+            history,
+            len: 0,
+        }
     }
 
     /// Takes over the state of `old`, with these settings.
     pub(crate) fn take_over(&mut self, old: &Self) {
-        let Self { settings: _, told, own, acceleration, wish, history, len } = *old;
-        (self.told, self.own, self.acceleration) = (told, own, acceleration);
+        let Self { settings: _, told, own, acceleration, jerk, wish, history, len } = *old;
+        (self.told, self.own, self.acceleration, self.jerk) = (told, own, acceleration, jerk);
         (self.wish, self.history, self.len) = (wish, history, len);
     }
 
@@ -182,31 +180,65 @@ impl<const N: usize> NullMotion<N> {
         }
         let gone = since * redundancy.acceleration / speed;
         let gone = self.settings.drives.as_ref().map_or(gone, |drives| {
-            let of_joint = |(most, told): (&f64, &f64)| since * most / told.abs().max(f64::MIN_POSITIVE);
-            drives.acceleration.iter().zip(self.told.iter()).map(of_joint).fold(gone, f64::min)
+            let of_joint = |joint: usize| {
+                let most = self.most_of_drives() * self.steepest(drives.acceleration[joint], drives.jerk[joint]);
+                since * most / self.told[joint].abs().max(f64::MIN_POSITIVE)
+            };
+            (0..N).map(of_joint).fold(gone, f64::min)
         });
         Some(self.told * (1.0 - gone).max(0.0))
     }
 
+    /// By how much a joint changes at most with this acceleration and jerk, rad/s² or m/s²: where it stays within a cycle, in
+    /// one of its ticks alone.
+    fn steepest(&self, acceleration: f64, jerk: f64) -> f64 {
+        if !self.stays() {
+            return acceleration;
+        }
+        let tick = self.settings.tick.seconds();
+        acceleration.min(jerk * tick) * tick / self.settings.timing.sampling_time.seconds()
+    }
+
+    /// The part of the drives that it takes at most.
+    fn most_of_drives(&self) -> f64 {
+        if self.stays() { OF_ONE_TICK } else { OF_DRIVES }
+    }
+
+    /// Whether several references are streamed in a cycle, in which what is told stays.
+    fn stays(&self) -> bool {
+        self.settings.tick < self.settings.timing.sampling_time
+    }
+
     /// What the drives have to know of it.
     pub(crate) fn of_drives(&self) -> Beside<N> {
-        let drives = self.settings.drives.as_ref().filter(|_| self.is_ours());
-        let since = self.settings.tick.seconds();
+        let told = self.told().copied().unwrap_or_else(SVector::zeros);
+        let Some(drives) = self.settings.drives.as_ref().filter(|_| self.is_ours()) else {
+            return Beside { told, ..Beside::NOTHING };
+        };
+        // (J that turns may ask for more: the twist keeps its part all the same.)
+        let most = |limits: &[f64; N]| SVector::from(limits.map(|limit| (OF_DRIVES + self.most_of_drives()) * limit));
         Beside {
-            told: self.told().copied().unwrap_or_else(SVector::zeros),
-            may_be_held: drives.is_none_or(|drives| drives.allow(&self.reference(self.told), since, &[0.0; N])),
+            told,
+            acceleration: self.acceleration.abs().inf(&most(&drives.acceleration)),
+            jerk: self.jerk.inf(&most(&drives.jerk)),
+            may_be_held: self.reference(self.told) == Reference::steady([0.0; N]),
         }
     }
 
     /// What is told, as the drives see it: within a cycle it stays.
     fn reference(&self, told: SVector<f64, N>) -> Reference<N> {
-        let has_stayed = self.settings.tick < self.settings.timing.sampling_time;
-        let acceleration = if has_stayed { SVector::zeros() } else { self.acceleration };
+        let acceleration = if self.stays() { SVector::zeros() } else { self.acceleration };
         Reference { velocity: told.into(), acceleration: acceleration.into() }
     }
 
-    /// Chooses it for a sample, of an arm that goes on with a twist (m/s, rad/s).
-    pub(crate) fn choose<const D: usize>(&mut self, sample: &Accepted<N, D>, twist: &SVector<f64, D>, wish: Wish) {
+    /// Chooses it for a sample, of an arm that goes on with a twist (m/s, rad/s) whose way leaves this part of the
+    /// drives.
+    pub(crate) fn choose<const D: usize>(
+        &mut self,
+        sample: &Accepted<N, D>,
+        (twist, left): (&SVector<f64, D>, Option<f64>),
+        wish: Wish,
+    ) {
         let Some(redundancy) = &self.settings.redundancy else { return };
         let (Some(null_space), Ok(inverse)) = (sample.posture.null_space(), sample.posture.inverse(0.0)) else {
             return self.stop();
@@ -226,19 +258,47 @@ impl<const N: usize> NullMotion<N> {
         let most = redundancy.acceleration * self.settings.timing.sampling_time.seconds();
         self.own = if change.amax() <= most { wanted } else { before + change * (most / change.amax()) };
         let wanted = commanded + self.own;
-        self.told = match &self.settings.drives {
+        self.told = match self.settings.drives {
             None => wanted,
             Some(drives) => {
-                // (J turns: what was told is a little beside the null space of now.)
-                let before = self.reference(null_space.project(&self.told));
-                let next = drives.follow(&before, self.settings.tick.seconds(), &wanted.into());
-                let told = null_space.project(&next.velocity.into());
+                let told = self.within_drives(&drives, &null_space, &wanted, left.unwrap_or(1.0));
                 self.own = told - commanded;
-                self.acceleration = (told - self.told) / self.settings.tick.seconds();
                 told
             }
         };
         self.wish = wish;
+    }
+
+    /// As much of what is `wanted` as the drives allow beside a twist that leaves this part of them; where that is too little,
+    /// what is told comes to a steady motion.
+    fn within_drives(
+        &mut self,
+        drives: &DriveLimits<N>,
+        null_space: &NullSpace<N>,
+        wanted: &SVector<f64, N>,
+        left: f64,
+    ) -> SVector<f64, N> {
+        let part = (left - OF_DRIVES).clamp(0.0, self.most_of_drives());
+        let of = |limit: f64| if part > 0.0 { limit * part } else { 0.0 };
+        let limits = DriveLimits {
+            acceleration: drives.acceleration.map(of),
+            // What it takes to fade has been left to it.
+            jerk: core::array::from_fn(|joint| of(drives.jerk[joint]).max(self.jerk[joint])),
+            ..*drives
+        };
+        let tick = self.settings.tick.seconds();
+        // (J turns: what was told is a little beside the null space of now.)
+        let before = self.reference(null_space.project(&self.told));
+        let next = limits.follow(&before, tick, &(*wanted).into());
+        let told = null_space.project(&next.velocity.into());
+        let acceleration = (told - self.told) / tick;
+        self.jerk = SVector::from_fn(|joint, _| {
+            let took = (acceleration[joint] - before.acceleration[joint]).abs() / tick;
+            let fades = acceleration[joint].abs() / tick;
+            took.max(if self.stays() { fades } else { fades.min(OF_DRIVES * drives.jerk[joint]) })
+        });
+        self.acceleration = acceleration;
+        told
     }
 
     /// What the law adds to joints that turn with `going`.
@@ -279,17 +339,39 @@ impl<const N: usize> NullMotion<N> {
     /// Nothing beside the task any more, at once: the arm is held.
     pub(crate) fn stop(&mut self) {
         (self.told, self.own, self.wish) = (SVector::zeros(), SVector::zeros(), Wish::Rest);
-        self.acceleration = SVector::zeros();
+        (self.acceleration, self.jerk) = (SVector::zeros(), SVector::zeros());
     }
 
-    /// The motion controller moves the arm by itself: what it does beside the task is where the law
-    /// begins.
-    pub(crate) fn stand_by<const D: usize>(&mut self, sample: &Accepted<N, D>) {
-        self.stop();
-        if let (Some(reference), Some(null_space)) = (sample.joint_velocity_reference, sample.posture.null_space()) {
-            self.told = null_space.project(&reference);
-            self.own = self.told;
+    /// The motion controller moves the arm by itself: what it does beside the task is where the law begins. Returns
+    /// whether that is what is told: drives that refuse jumps, of which the twist leaves this part (`None`: nothing is known of
+    /// what they were told), are led there first.
+    #[must_use]
+    pub(crate) fn stand_by<const D: usize>(&mut self, sample: &Accepted<N, D>, left: Option<f64>) -> bool {
+        let (Some(reference), Some(null_space)) = (sample.joint_velocity_reference, sample.posture.null_space()) else {
+            self.stop();
+            return true;
+        };
+        let commanded = null_space.project(&reference);
+        match (self.settings.drives.filter(|_| self.is_ours()), left) {
+            (Some(drives), Some(left)) => {
+                self.told = self.within_drives(&drives, &null_space, &commanded, left);
+                self.wish = Wish::Rest;
+            }
+            (None, _) | (_, None) => {
+                self.stop();
+                self.told = commanded;
+            }
         }
+        self.own = self.told;
+        (self.told - commanded).amax() <= ROUNDING
+    }
+
+    /// A sample with the twist that the commanded joint velocity makes of the arm, for one that the motion controller moves by
+    /// itself on drives that refuse jumps: it resolves ṗ0 where its own reference is, which the arm may have left.
+    pub(crate) fn as_commanded<const D: usize>(&self, sample: &Accepted<N, D>) -> Accepted<N, D> {
+        let reference = sample.joint_velocity_reference.filter(|_| self.is_ours() && self.settings.drives.is_some());
+        let twist = reference.map(|reference| sample.posture.jacobian() * reference);
+        Accepted { twist_reference: twist.unwrap_or(sample.twist_reference), ..*sample }
     }
 
     /// Records the answer to a sample or silence at `stamp`: it acts one delay later.

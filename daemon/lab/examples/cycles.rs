@@ -1,10 +1,12 @@
 //! Steps the law through the samples of a contact at 1 kHz, and nothing else: instructions.py counts
 //! its instructions.
 //!
-//! `cycles ARM known|range|both ROUNDS`: two, six or seven joints, six of which all six directions give way or whose
+//! `cycles ARM known|range|both|times ROUNDS`: two, six or seven joints, six of which all six directions give way or whose
 //! task frame is the tool's, or the name of another robot's file, and what the controller is told of the stiffness.
-//! `both` times the one and the other in turns, cycle by cycle, and says what a range costs: the belief.
+//! `both` times the one and the other in turns, cycle by cycle, and says what a range costs: the belief. `times` is `known`, each
+//! cycle in turns with a fixed piece of arithmetic of about its length: what of the times is the machine's shows there.
 
+use std::hint::black_box;
 use std::time::Instant as Clock;
 
 use admittance_core::quantities::Instant;
@@ -47,6 +49,10 @@ fn cell(joints: &str) -> Option<(&'static str, &'static str)> {
             include_str!("../../../deploy/robots/gantry.toml"),
             include_str!("../../../plant-sim/scenarios/gantry.toml"),
         ),
+        "five-joint" => (
+            include_str!("../../../deploy/robots/five-joint.toml"),
+            include_str!("../../../plant-sim/scenarios/five-joint.toml"),
+        ),
         "rail" => {
             (include_str!("../../../deploy/robots/rail.toml"), include_str!("../../../plant-sim/scenarios/rail.toml"))
         }
@@ -65,8 +71,9 @@ struct Contact {
 }
 
 fn contact(joints: &str, told: &str) -> Result<Contact, Box<dyn std::error::Error>> {
-    let (config, scenario) = cell(joints)
-        .ok_or("accepted: two, six, six-all, six-tool, seven, scara, planar-three, gantry, rail, eight-joint")?;
+    let (config, scenario) = cell(joints).ok_or(
+        "accepted: two, six, six-all, six-tool, seven, scara, planar-three, gantry, five-joint, rail, eight-joint",
+    )?;
     let mut config: Config = parse(config, "controller.toml")?;
     let mut scenario: Scenario = parse(scenario, "scenario.toml")?;
     let control = &mut config.control;
@@ -118,10 +125,57 @@ impl Contact {
     }
 }
 
+/// What this part of times in ns is not above, as µs; sorts them.
+fn quantile_us(times: &mut [u64], part: f64) -> f64 {
+    times.sort_unstable();
+    times.get((times.len() as f64 * part) as usize).map_or(f64::NAN, |time| *time as f64 * 1e-3)
+}
+
 /// The median of times in ns, as µs.
 fn median_us(times: &mut [u64]) -> f64 {
-    times.sort_unstable();
-    times.get(times.len() / 2).map_or(f64::NAN, |time| *time as f64 * 1e-3)
+    quantile_us(times, 0.5)
+}
+
+/// Divisions that are timed: a few microseconds.
+const DIVISIONS: u32 = 1000;
+
+/// So many divisions, each of which waits for the one before: nothing but time passes.
+fn spin(divisions: u32) -> u64 {
+    let begun = Clock::now();
+    (0..divisions).fold(black_box(2.0), |x: f64, _| black_box(1.0 + 1.0 / x));
+    begun.elapsed().as_nanos() as u64
+}
+
+/// Times cycles in contact in turns with a fixed spin.
+fn time_beside_spin(joints: &str, rounds: u32) -> Result<(), Box<dyn std::error::Error>> {
+    let contact = contact(joints, "known")?;
+    let mut warm_up = Vec::new();
+    contact.round(Clock::now, |_, begun| warm_up.push(begun.elapsed().as_nanos() as u64))?;
+    let fastest = (0..100).map(|_| spin(DIVISIONS)).min().unwrap_or(1);
+    let divisions = (median_us(&mut warm_up) * 1e3 / fastest as f64 * f64::from(DIVISIONS)) as u32;
+    let (mut cycles, mut spins, mut least) = (Vec::new(), Vec::new(), vec![u64::MAX; contact.samples.len()]);
+    for _ in 0..rounds {
+        let mut sample = 0;
+        contact.round(Clock::now, |command, begun| {
+            let took = begun.elapsed().as_nanos() as u64;
+            if command.mode == Mode::Contact.code() {
+                cycles.push(took);
+                least[sample] = least[sample].min(took);
+            }
+            sample += 1;
+            spins.push(spin(divisions));
+        })?;
+    }
+    // A cycle of a contact is the same in every round: what it takes in the best one is the computation.
+    least.retain(|time| *time < u64::MAX);
+    println!("{joints}, us                        p50     p99   p99.9     max");
+    for (what, times) in
+        [("cycles in contact", &mut cycles), ("a fixed spin", &mut spins), ("each cycle at its best", &mut least)]
+    {
+        let [p50, p99, p999, most] = [0.5, 0.99, 0.999, 1.0 - f64::EPSILON].map(|part| quantile_us(times, part));
+        println!("{what:<26} {p50:>7.1} {p99:>7.1} {p999:>7.1} {most:>7.1}   of {}", times.len());
+    }
+    Ok(())
 }
 
 /// Times cycles in contact with the stiffness known, and with a range of it, in turns.
@@ -154,8 +208,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [joints, told, rounds] = arguments.as_slice() else { return Err("three arguments: ARM TOLD ROUNDS".into()) };
     let rounds = rounds.parse::<u32>()?;
-    if told == "both" {
-        return time_both(joints, rounds);
+    match told.as_str() {
+        "both" => return time_both(joints, rounds),
+        "times" => return time_beside_spin(joints, rounds),
+        _ => {}
     }
     let contact = contact(joints, told)?;
     let mut mode = None;

@@ -26,7 +26,7 @@ CYCLES_PER_ROUND = 300
 TOLERANCE = 0.03
 VALGRIND = os.environ.get("VALGRIND", "valgrind")
 # Arms beside those that are also counted with a range.
-ARMS = ("gantry", "planar-three", "scara", "six-all", "seven", "rail", "eight-joint")
+ARMS = ("gantry", "planar-three", "scara", "five-joint", "six-all", "seven", "rail", "eight-joint")
 
 
 def count(program, rounds):

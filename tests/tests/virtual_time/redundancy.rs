@@ -137,18 +137,17 @@ fn joints_turn_away_from_their_limits_over_two_metres_with_the_force_as_good() {
     assert!(bound.stop_reason().is_some() || slid(&bound) < 1.9, "slid {} m", slid(&bound));
 }
 
-/// The same with the drives of a Franka Research 3: the elbow turns away in time with the part of them that it has, and
-/// the force settles as without a resolution. The peak is higher, since the twist has the other four fifths of the drives:
-/// by less than a tenth at 1 ms, by 39 % at 4 ms.
+/// The same with the drives of a Franka Research 3: the elbow turns away in time with what the twist leaves of them, and
+/// the force is that without a resolution.
 #[test]
 fn joints_turn_away_from_their_limits_within_the_limits_of_their_drives() {
-    for (sampling_time, inputs) in [(0.001, 1), (0.004, 1)] {
+    for (sampling_time, inputs) in [(0.001, 1), (0.004, 1), (0.004, 4)] {
         let driven = |mut experiment: Experiment| {
             experiment.config.mpc.inputs_per_cycle = Some(inputs);
             experiment.with_drives(Published::fr3(), sampling_time / f64::from(inputs))
         };
         let least = driven(least_norm(sampling_time)).run();
-        tell(&least, &format!("least norm, {sampling_time} s, driven"));
+        tell(&least, &format!("least norm, {sampling_time} s, {inputs} inputs, driven"));
         assert_slides(&least, "least norm");
         for (joint, limits) in [(LAST, (-6.0, -2.3)), (SWING, (0.5, 6.0))] {
             for resolution in [ResolutionName::Weighted, ResolutionName::Posture, ResolutionName::Keep] {
@@ -160,7 +159,9 @@ fn joints_turn_away_from_their_limits_within_the_limits_of_their_drives() {
                     ResolutionName::Keep | ResolutionName::LeastNorm => {}
                 }
                 let run = experiment.run();
-                let what = format!("{resolution} with joint {joint} within {limits:?} rad, {sampling_time} s, driven");
+                let what = format!(
+                    "{resolution} with joint {joint} within {limits:?} rad, {sampling_time} s, {inputs} inputs, driven"
+                );
                 tell(&run, &what);
                 let given = run.instants.iter().flat_map(|at| at.streamed.iter().map(|[_, given]| given.as_slice()));
                 let worst = judge(given, sampling_time / f64::from(inputs), &Published::fr3());
@@ -172,11 +173,33 @@ fn joints_turn_away_from_their_limits_within_the_limits_of_their_drives() {
                 assert_slides(&run, &what);
                 let allowed = limits.0 + 0.08..limits.1 - 0.08;
                 assert!(allowed.contains(&low) && allowed.contains(&high), "{what}: {low} to {high} rad");
-                let most = if sampling_time > 0.001 { 1.45 } else { 1.1 };
-                assert!(run.peak_normal() <= least.peak_normal() * most, "{what}: {} N", run.peak_normal());
+                assert!(run.peak_normal() <= least.peak_normal() * 1.01, "{what}: {} N", run.peak_normal());
                 let off = run.settled_normal() - least.settled_normal();
                 assert!(off.abs() < 0.5, "{what}: {off} N more");
             }
+        }
+    }
+}
+
+/// A wrench with noise has the twist correct itself all the time: what that leaves of the drives is enough to keep the joint from
+/// its limit.
+#[test]
+fn joints_turn_away_from_their_limits_beside_a_twist_that_is_never_quiet() {
+    for (sampling_time, inputs) in [(0.001, 1), (0.004, 1), (0.004, 4)] {
+        for noise in [0.5, 1.0] {
+            let limits = (-6.0, -2.3);
+            let mut experiment = with_limits(resolved(sampling_time, ResolutionName::Keep), LAST, limits)
+                .with_drives(Published::fr3(), sampling_time / f64::from(inputs));
+            experiment.config.mpc.inputs_per_cycle = Some(inputs);
+            (experiment.scenario.noise.wrench, experiment.scenario.noise.seed) = (noise, 7);
+            experiment.config.environment.wrench_noise_n = noise;
+            let run = experiment.run();
+            let what = format!("{noise} N of noise, {sampling_time} s, {inputs} inputs, driven");
+            tell(&run, &what);
+            let (_, high) = range(&run, LAST);
+            assert_eq!(run.stop_reason(), None, "{what}");
+            assert!((slid(&run) - 2.0).abs() < 0.03, "{what}: slid {} m", slid(&run));
+            assert!(high < limits.1 - 0.08, "{what}: {high} rad");
         }
     }
 }

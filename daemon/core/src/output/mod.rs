@@ -111,6 +111,8 @@ pub(crate) struct Settings<const N: usize, const D: usize> {
     pub drives: Option<Drives<N>>,
     /// Time from one streamed reference to the next.
     pub tick: Span,
+    /// Whether the joints follow what the law resolves, and not the twist.
+    pub resolves: bool,
 }
 
 /// How the damping law takes over another controller's offset.
@@ -153,8 +155,19 @@ pub(crate) struct Output<const N: usize, const D: usize> {
 pub(crate) struct Beside<const N: usize> {
     /// rad/s or m/s.
     pub told: SVector<f64, N>,
+    /// What it takes of the drives, rad/s² or m/s².
+    pub acceleration: SVector<f64, N>,
+    /// rad/s³ or m/s³.
+    pub jerk: SVector<f64, N>,
     /// Whether the next reference may be without it.
     pub may_be_held: bool,
+}
+
+impl<const N: usize> Beside<N> {
+    const ZERO: SVector<f64, N> = SVector::from_array_storage(nalgebra::ArrayStorage([[0.0; N]]));
+    /// Nothing.
+    pub(crate) const NOTHING: Self =
+        Self { told: Self::ZERO, acceleration: Self::ZERO, jerk: Self::ZERO, may_be_held: true };
 }
 
 impl<const N: usize, const D: usize> Output<N, D> {
@@ -167,7 +180,7 @@ impl<const N: usize, const D: usize> Output<N, D> {
             under_way: UnderWay::none(),
             streamed: None,
             turning: SVector::zeros(),
-            beside: Beside { told: SVector::zeros(), may_be_held: true },
+            beside: Beside::NOTHING,
             handover: Handover::Done,
             limited: 0,
             fallbacks: 0,
@@ -198,11 +211,11 @@ impl<const N: usize, const D: usize> Output<N, D> {
         (self.plan, self.offset) = (Plan::empty(), SVector::zeros());
     }
 
-    /// Not in control, or not yet: ṗ0 unchanged.
-    pub(crate) fn rest(&mut self, sample: &Accepted<N, D>) -> Movement<N, D> {
+    /// Not in control, or not yet: ṗ0 unchanged. A motion beside the task may still be on its way to what is commanded.
+    pub(crate) fn rest(&mut self, sample: &Accepted<N, D>, beside_is_commanded: bool) -> Movement<N, D> {
         if self.settings.drives.is_some() {
             self.set_constant(sample.stamp, SVector::zeros());
-            return self.at_sample(Source::None, sample);
+            return self.at_sample(if beside_is_commanded { Source::None } else { Source::Ramp }, sample);
         }
         let movement = self.without_offset(sample.stamp);
         Movement { twist_command: sample.twist_reference, ..movement }

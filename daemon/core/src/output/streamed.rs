@@ -16,6 +16,9 @@ use crate::robot::{DriveLimits, Posture, Reference};
 /// Ticks after the end of a plan for which the way to standstill is followed; beyond them the arm stands.
 const UNTIL_STANDSTILL: usize = 256;
 
+/// Part of a cycle by which a tick may seem to begin too early.
+const WITHIN: f64 = 1e-6;
+
 /// What is streamed from a command on, if no other follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Streamed<const N: usize> {
@@ -66,6 +69,24 @@ impl<const N: usize> Streamed<N> {
         }
         reference
     }
+
+    /// The largest part of the limits of acceleration and jerk that references take from the sample stamped `stamp` on.
+    fn most_used_from(&self, stamp: Instant, tick: Span, limits: &DriveLimits<N>) -> f64 {
+        let (since, gone) = (tick.seconds(), libm::round(stamp.since(self.start).seconds() / tick.seconds()) as usize);
+        let (mut reference, mut most) = (self.before, 0.0_f64);
+        for (index, velocity) in self.references[..self.len].iter().enumerate() {
+            let next = reference.then(*velocity, since);
+            if index >= gone {
+                for joint in 0..N {
+                    let [before, change] = [&reference, &next].map(|reference| reference.acceleration[joint]);
+                    let jerk = (change - before).abs() / since;
+                    most = most.max(change.abs() / limits.acceleration[joint]).max(jerk / limits.jerk[joint]);
+                }
+            }
+            reference = next;
+        }
+        most
+    }
 }
 
 impl<const N: usize, const D: usize> Output<N, D> {
@@ -88,10 +109,20 @@ impl<const N: usize, const D: usize> Output<N, D> {
     /// What the drives allow of the references of a twist.
     pub(crate) fn drive_limits(&self, in_stop: bool) -> Option<DriveLimits<N>> {
         let mut limits = self.settings.drives?.limits(in_stop);
-        for (speed, told) in limits.speed.iter_mut().zip(self.beside.told.iter()) {
-            *speed = (*speed - told.abs()).max(0.0);
+        let Beside { told, acceleration, jerk, .. } = &self.beside;
+        for (limits, taken) in
+            [(&mut limits.speed, told), (&mut limits.acceleration, acceleration), (&mut limits.jerk, jerk)]
+        {
+            limits.iter_mut().zip(taken.iter()).for_each(|(limit, taken)| *limit = (*limit - taken.abs()).max(0.0));
         }
         Some(limits)
+    }
+
+    /// The part of the drives that the way of the last twist leaves from the sample stamped `stamp` on; `None` where nothing
+    /// is known of it.
+    pub(crate) fn left_by_twist(&self, stamp: Instant) -> Option<f64> {
+        let (drives, streamed) = (self.settings.drives.as_ref()?, self.streamed.as_ref()?);
+        Some(1.0 - streamed.most_used_from(stamp, self.settings.tick, &drives.limits))
     }
 
     /// By how much the references change by themselves, in rad/s² or m/s², as the arm and J with it turn.
@@ -104,11 +135,15 @@ impl<const N: usize, const D: usize> Output<N, D> {
         &self.turning
     }
 
-    /// How much later than a sample the reference `since` s after its command is streamed, as far as J is
-    /// known until then: at the next sample it is known anew.
+    /// How much later than a sample J is known to have turned in the reference `since` s after its command: until the next
+    /// sample, where it is known anew. Joints that follow what the law resolves have one J⁻¹ for all of a cycle.
     pub(crate) fn turned_until(&self, since: f64) -> f64 {
         let timing = &self.settings.timing;
-        timing.command_delay.seconds() + since.min(timing.sampling_time.seconds())
+        let cycle = timing.sampling_time.seconds();
+        if self.settings.resolves {
+            return if since < cycle * (1.0 - WITHIN) { 0.0 } else { cycle };
+        }
+        timing.command_delay.seconds() + since.min(cycle)
     }
 
     /// Brings the plan for the sample stamped `now` within what the drives allow, for an arm in this posture under

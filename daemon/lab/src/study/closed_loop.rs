@@ -6,12 +6,12 @@ use std::collections::VecDeque;
 use admittance_runner::config::Config;
 use admittance_runner::cycle;
 use admittance_runner::virtual_time::{Step, VirtualTime};
-use ipc_types::{StopReason, TruthSample, Verdict};
+use ipc_types::{Mode, StopReason, TruthSample, Verdict};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
 use super::attainable::{Contact, Driven};
-use super::draw::{ACTIVATION_THRESHOLD_N, Draw};
+use super::draw::{ACTIVATION_THRESHOLD_N, AFTER_CONTACT_S, Draw};
 use super::task::Frame;
 
 /// How long in s before a verdict that is withdrawn the judge is asked again, what it says being of 100 ms.
@@ -85,6 +85,12 @@ impl Seen {
     }
 }
 
+/// Whether a contact of so many ns has been looked at for long enough. Drives that refuse jumps may take longer than that for a stop: where
+/// the arm rests is known when it has come to rest.
+fn is_over(draw: &Draw, lasted_ns: u64, mode: u32) -> bool {
+    draw.drives.is_some() && lasted_ns as f64 * 1e-9 > AFTER_CONTACT_S && mode != Mode::Stopping.code()
+}
+
 /// Runs a controller against a plant to the end of the scenario's motion.
 ///
 /// # Errors
@@ -97,7 +103,7 @@ pub(crate) fn run(draw: &Draw, config: &Config, scenario: &Scenario) -> Result<S
         Frame::Tool => limit_n / task.normal_force_limit_n(arm, position, normal),
     };
     let mut seen = Seen::default();
-    let (mut losses_before, mut last_verdict) = (0, Verdict::None.code());
+    let (mut losses_before, mut last_verdict, mut since) = (0, Verdict::None.code(), None);
     let (mut latest, kept) = (VecDeque::new(), (BEFORE_S / draw.sampling_time_s).round() as usize + 2);
     let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
@@ -120,6 +126,10 @@ pub(crate) fn run(draw: &Draw, config: &Config, scenario: &Scenario) -> Result<S
             }
         }
         if seen.first_active.is_some() {
+            let since_ns = *since.get_or_insert(state.stamp_ns);
+            if is_over(draw, state.stamp_ns - since_ns, command.mode) {
+                break;
+            }
             seen.samples_in_contact += u32::from(truth.in_contact == 1);
             seen.contact_losses = truth.contact_losses - losses_before;
             seen.resting_force_n = truth.normal_force_n * weight(position);

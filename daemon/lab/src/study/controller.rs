@@ -11,7 +11,7 @@ use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
 use super::arm::{Arm, Joint, Kind, PlanarTwo};
-use super::draw::{ACTIVATION_THRESHOLD_N, AFTER_CONTACT_S, APPROACH_S, Draw};
+use super::draw::{ACTIVATION_THRESHOLD_N, AFTER_CONTACT_S, APPROACH_S, Draw, LONGEST_STOP_S};
 use super::task::Frame;
 
 /// Time at rest before the motion, in s.
@@ -230,7 +230,7 @@ pub(crate) fn scenario_text(draw: &Draw) -> String {
         normal = draw.normal(),
         stiffness = draw.stiffness_n_m,
         wrench = vec![draw.wrench_time_constant_s; draw.arm.task_axes()],
-        duration = APPROACH_S + AFTER_CONTACT_S,
+        duration = APPROACH_S + AFTER_CONTACT_S + draw.drives.as_ref().map_or(0.0, |_| LONGEST_STOP_S),
         twist = draw.twist(),
     )
 }

@@ -98,7 +98,7 @@ struct VerdictArgs {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Random arms that take turns, in random frames and directions, in place of the planar one with
-    /// two joints: all, or some of planar-2r planar-3r scara gantry six six-on-rail seven eight, with commas.
+    /// two joints: all, or some of planar-2r planar-3r scara gantry five six six-on-rail seven eight, with commas.
     #[arg(long, conflicts_with_all = ["surface", "figure"])]
     arms: Option<Arms>,
     /// Drives that refuse jumps: random limits of acceleration and jerk of each joint, told to controller and plant.

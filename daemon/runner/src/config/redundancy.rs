@@ -44,7 +44,7 @@ config_section! {
         /// commanded is not counted, and keeping joints from their limits may take all of it.
         speed_share: f64 = 0.25, unit "1", range 0.01..=0.9;
         /// By how much such a motion changes at most. Where limits.joint_acceleration_rad_s2 and
-        /// joint_jerk_rad_s3 are told it has a fifth of them, and the twist the others.
+        /// joint_jerk_rad_s3 are told it has what the twist leaves of them besides.
         acceleration_rad_s2: f64 = 2.0, unit "rad/s^2, m/s^2", range 0.01..=1000.0;
         /// Damps J⁻¹ near singular poses: joints stay slower, and the TCP moves less than it is told. The square
         /// of λ at a singular pose, in the units of J, is that of this.

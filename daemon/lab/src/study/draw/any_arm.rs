@@ -146,13 +146,13 @@ fn motion(name: ArmName, generator: &mut ChaCha8Rng) -> ([f64; 3], [f64; 3]) {
 fn task(name: ArmName, arm: &Arm, generator: &mut ChaCha8Rng) -> Task {
     let mut one_in = |count: u32| generator.random_range(0..count) == 0;
     let mut controlled = name.controls().to_vec();
-    // Some turns of the tool are left to the arm: then only the base frame will do, unless none is kept.
-    let drops = controlled.len() == 6 && one_in(4);
+    // The arm controls some turns of the tool, and others not: then only the base frame will do.
+    let drops = controlled.len() >= 5 && one_in(4);
     if drops {
         controlled.retain(|axis| *axis < 3 || one_in(2));
     }
     let turns = controlled.iter().filter(|axis| **axis >= 3).count();
-    let must_be_base = drops && turns > 0 && turns < 3;
+    let must_be_base = name.may_tilt() && turns > 0 && turns < 3;
     // All directions give way, or the linear ones, or any.
     let which = generator.random_range(0..3);
     let gives_way = (0..arm.task_axes()).map(|axis| match which {
@@ -194,10 +194,10 @@ mod tests {
     fn arms_take_turns_and_an_index_means_the_same_case() {
         assert_eq!(AnyArm::index_of(&ArmName::ALL, 17), 17);
         assert_eq!(AnyArm::index_of(&[ArmName::Scara, ArmName::Eight], 0), 2);
-        assert_eq!(AnyArm::index_of(&[ArmName::Scara, ArmName::Eight], 3), 15);
-        for index in 0..16 {
+        assert_eq!(AnyArm::index_of(&[ArmName::Scara, ArmName::Eight], 3), 17);
+        for index in 0..18 {
             let case = AnyArm::new(7, index).unwrap();
-            assert_eq!(case.name, ArmName::ALL[index as usize % 8]);
+            assert_eq!(case.name, ArmName::ALL[index as usize % 9]);
             assert_eq!(case, AnyArm::new(7, index).unwrap());
             assert_ne!(case.draw.speed_m_s, AnyArm::new(8, index).unwrap().draw.speed_m_s);
         }
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn every_draw_is_an_acceptable_configuration_and_scenario() {
-        let draws: Vec<Draw> = (0..160).map(|index| AnyArm::new(5, index).unwrap().draw).collect();
+        let draws: Vec<Draw> = (0..180).map(|index| AnyArm::new(5, index).unwrap().draw).collect();
         for draw in &draws {
             controller::scenario(draw).unwrap();
             let config = controller::controller(draw, Profile::Default, Variant::Nominal);

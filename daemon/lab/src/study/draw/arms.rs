@@ -21,6 +21,8 @@ pub(crate) enum ArmName {
     Scara,
     /// Three joints that slide: x, y and z.
     Gantry,
+    /// Five joints that turn: x, y, z, ry and rz.
+    Five,
     /// Six joints that turn.
     Six,
     /// Six joints that turn, on a linear axis.
@@ -33,11 +35,12 @@ pub(crate) enum ArmName {
 
 impl ArmName {
     /// All, in the order in which they take turns.
-    pub(crate) const ALL: [Self; 8] = [
+    pub(crate) const ALL: [Self; 9] = [
         Self::PlanarTwo,
         Self::PlanarThree,
         Self::Scara,
         Self::Gantry,
+        Self::Five,
         Self::Six,
         Self::SixOnRail,
         Self::Seven,
@@ -51,6 +54,7 @@ impl ArmName {
             Self::PlanarThree => "planar-3r",
             Self::Scara => "scara",
             Self::Gantry => "gantry",
+            Self::Five => "five",
             Self::Six => "six",
             Self::SixOnRail => "six-on-rail",
             Self::Seven => "seven",
@@ -65,6 +69,7 @@ impl ArmName {
             Self::PlanarThree => &[0, 1, 5],
             Self::Scara => &[0, 1, 2, 5],
             Self::Gantry => &[0, 1, 2],
+            Self::Five => &[0, 1, 2, 4, 5],
             Self::Six | Self::SixOnRail | Self::Seven | Self::Eight => &[0, 1, 2, 3, 4, 5],
         }
     }
@@ -115,6 +120,7 @@ impl ArmName {
                 let joints = vec![skewed([1.0, 0.0, 0.0], skew()), skewed([0.0, 1.0, 0.0], skew()), skewed(z, skew())];
                 Arm::Chain(Chain { joints, tool_m: [0.0, 0.0, -0.2], tool_rpy_rad: [within(-PI, PI), 0.3, 0.0] })
             }
+            Self::Five => on(Vec::new(), 5, generator),
             Self::Six => on(Vec::new(), 6, generator),
             Self::SixOnRail => {
                 let along = uniform(generator, -PI, PI);
@@ -176,8 +182,13 @@ fn on(mut joints: Vec<Joint>, count: usize, generator: &mut ChaCha8Rng) -> Arm {
 fn usual(joint: usize, count: usize, generator: &mut ChaCha8Rng) -> Joint {
     let mut within = |low: f64, high: f64| uniform(generator, low, high);
     let off = [within(-0.05, 0.05), within(-0.05, 0.05), within(-0.05, 0.05)];
-    // Six: z y y, then a wrist x y x; seven: z and y by turns.
+    // Five: z, then y y y in a plane, and a turn of the tool; six: z y y, then a wrist x y x; seven: z and y by turns.
     let (length, axis) = match (count, joint) {
+        (5, 0) => (within(0.2, 0.5), [0.0, 0.0, 1.0]),
+        (5, 1) => (within(0.0, 0.2), [0.0, 1.0, 0.0]),
+        (5, 2) => (within(0.3, 0.7), [0.0, 1.0, 0.0]),
+        (5, 3) => (within(0.2, 0.6), [0.0, 1.0, 0.0]),
+        (5, _) => (within(0.0, 0.15), [0.0, 0.0, 1.0]),
         (6, 0) => (within(0.2, 0.5), [0.0, 0.0, 1.0]),
         (6, 1) => (within(0.0, 0.2), [0.0, 1.0, 0.0]),
         (6, 2) => (within(0.3, 0.7), [0.0, 1.0, 0.0]),

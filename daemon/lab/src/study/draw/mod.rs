@@ -24,6 +24,8 @@ pub(crate) const ACTIVATION_THRESHOLD_N: f64 = 5.0;
 pub(crate) const APPROACH_S: f64 = 0.2;
 /// Motion after the contact, in s.
 pub(crate) const AFTER_CONTACT_S: f64 = 0.3;
+/// What a stop may take beyond that on drives that refuse jumps: stopping.stop_timeout_s, and a little.
+pub(crate) const LONGEST_STOP_S: f64 = 1.1;
 /// Share of the joint speed limit that the commanded approach may take.
 const APPROACH_SHARE: f64 = 0.9;
 /// Stiffness in N/m.
