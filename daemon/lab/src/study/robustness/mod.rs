@@ -379,6 +379,28 @@ mod tests {
         }
     }
 
+    /// Contacts that were lost later than 50 ms after the touch: on a surface that falls away by most of a degree, where
+    /// the estimate fell by more than was still pressed, and where a tool lighter than told had been remembered as a
+    /// soft surface.
+    #[test]
+    fn a_contact_is_not_lost_while_its_force_settles() {
+        let cells = cells::with_speeds(&cells::NAMES, 1).unwrap();
+        for (name, seed, index) in [
+            ("six joints, 1 ms", 33_441, 153),
+            ("six joints, 1 ms", 33_441, 603),
+            ("planar, 4 ms", 33_441, 816),
+            ("planar, 1 ms", 640_021, 295),
+            ("six joints, 1 ms", 640_021, 711),
+        ] {
+            let (_, cell) = cells.iter().find(|(of, _)| *of == name).unwrap();
+            let cell = Told::default().tell(cell.clone());
+            let world = plausible::world(seed, index, cell.config().robot.joint.len());
+            let scenario = cell.scenario(&world, SPEEDS[1] * cell.highest_speed_m_s, |_| true);
+            let contact = plausible::press(cell.config(), &scenario).unwrap();
+            assert_eq!((contact.stop_reason, contact.late_losses), (None, 0), "{seed} {index}: {contact:?}");
+        }
+    }
+
     /// What docs/commissioning.md says to tell is what the study tells.
     #[test]
     fn what_the_page_says_to_tell_is_told() {
