@@ -204,7 +204,7 @@ impl ServiceEnd {
 /// Orders and replies that may wait.
 const ORDERS: usize = 8;
 /// Records that may wait: 0.4 s at 4 kHz. More would take the daemon beyond 64 MiB.
-pub(crate) const RECORDS: usize = 1792;
+pub(crate) const RECORDS: usize = 1600;
 
 /// Rings for one pair of threads.
 pub(crate) fn channel() -> (RealtimeEnd, ServiceEnd) {
