@@ -121,7 +121,7 @@ fn scaled_now<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -
     situation.belief.surface().spring_force(situation.sample.posture.pose())
 }
 
-/// What f̂ shows beyond the force of the likeliest surface while that falls, along the normal, N.
+/// By how much f̂ is above the force of the likeliest surface, along the normal, N: above all while that force falls.
 pub(super) fn shown_beyond<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -> f64 {
     let shown = situation.belief.surface().pressing_force(&situation.sample.wrench);
     (shown - scaled_now(situation).max(0.0)).max(0.0)

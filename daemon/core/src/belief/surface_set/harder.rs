@@ -49,9 +49,7 @@ impl Harder {
             return Self::beside(hold, &tuning.range);
         };
         let tuning = Tuning { range: harder.range, ..*tuning };
-        if tuning.learns_normal() {
-            harder.hold.turn(&way.beside, &tuning);
-        }
+        harder.hold.turn(&way.beside, &tuning);
         harder.hold.follow(way, (force, beside), weight, (&tuning, tilt));
         harder.better = (harder.better + hold.surprise() - harder.hold.surprise()).max(-EVIDENCE);
         Some(harder)
