@@ -66,3 +66,47 @@ impl Harder {
         self.hold.shift(shift);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{SMatrix, SVector};
+
+    use super::super::touch::Moments;
+    use super::*;
+    use crate::belief::way::Piece;
+
+    /// A slope along x is none along y: both holds have to know that the path has turned.
+    #[test]
+    fn it_turns_with_the_path() {
+        const STIFFNESS: f64 = 1e5;
+        let told = Range { least: 1e4, most: STIFFNESS };
+        let tuning = Tuning {
+            lag: 0.0,
+            range: told,
+            depths: (0.0, 0.0),
+            felt_after: 1e-4,
+            noise: 0.1,
+            tolerance: 0.0,
+            slope: 0.01,
+        };
+        let mean = SVector::<f64, 3>::new(50.0, STIFFNESS, 0.0);
+        let known = SMatrix::<f64, 3, 3>::from_diagonal(&SVector::<f64, 3>::new(0.01, 0.0, 1.0));
+        let mut hold = Hold::new(0.0, &Moments { mean, covariance: known }, (0.0, 0.0), &tuning);
+        let (mut harder, tilt, mut fallen) = (None, Tilt::none(), 0.0);
+        let mut slide = |direction: Vector3<f64>, slope: f64| {
+            for _ in 0..200 {
+                let mut way = Way::new();
+                way.push(Piece { duration: 0.001, depth: [5e-4; 3] });
+                way.beside = direction * 1e-4;
+                fallen += slope * 1e-4 * STIFFNESS;
+                hold.turn(&way.beside, &tuning);
+                let seen = (50.0 - fallen, &Vector3::zeros());
+                hold.follow(&way, seen, 100.0, (&tuning, &tilt));
+                harder = Harder::follow(harder, &hold, &way, seen, 100.0, (&tuning, &tilt));
+            }
+            harder.expect("at the end of the range").hold.falling_away(&Vector3::x())
+        };
+        assert!(slide(Vector3::x(), 0.01) > 5e-3);
+        assert!(slide(Vector3::y(), 0.0).abs() < 1e-9);
+    }
+}
