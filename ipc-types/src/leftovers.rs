@@ -117,11 +117,17 @@ pub(crate) fn clear_if_deserted(settings: &IpcSettings, config: &Config) {
 
 /// The same for who is alone already. Whether no node lives there.
 pub(crate) fn clear_deserted(settings: &IpcSettings, config: &Config) -> bool {
-    let is_deserted = is_deserted(settings, config);
+    clear_if(settings, || is_deserted(settings, config))
+}
+
+fn clear_if(settings: &IpcSettings, is_deserted: impl FnOnce() -> bool) -> bool {
+    // Listed before the place is judged: what a foreign program makes from then on was not left by the dead.
+    let (files, directories) = (left(settings), node_directories(settings));
+    let is_deserted = is_deserted();
     if is_deserted {
         // What cannot be removed is met again, and named, by who is in need of it.
-        left(settings).iter().filter(|path| is_own(path)).for_each(|path| drop(std::fs::remove_file(path)));
-        node_directories(settings).iter().for_each(|path| drop(std::fs::remove_dir(path)));
+        files.iter().filter(|path| is_own(path)).for_each(|path| drop(std::fs::remove_file(path)));
+        directories.iter().for_each(|path| drop(std::fs::remove_dir(path)));
     }
     is_deserted
 }
@@ -207,4 +213,39 @@ fn node_directories(settings: &IpcSettings) -> Vec<PathBuf> {
 
 fn list(directory: &Path) -> Vec<PathBuf> {
     std::fs::read_dir(directory).into_iter().flatten().flatten().map(|entry| entry.path()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::DirBuilderExt as _;
+
+    use iceoryx2::prelude::{NodeBuilder, SignalHandlingMode};
+
+    use super::*;
+    use crate::Instance;
+
+    /// A tunnel did not start while somebody looked for what it carries: the place was found deserted, and what the tunnel made
+    /// from then on was removed.
+    #[test]
+    fn what_a_foreign_program_makes_meanwhile_stays() {
+        let prefix = format!("left{}_", std::process::id());
+        let directory = PathBuf::from(format!("/tmp/{prefix}"));
+        std::fs::DirBuilder::new().mode(0o700).create(&directory).expect("/tmp can be written");
+        let instance = Instance::new("r1").expect("a name");
+        let settings = IpcSettings { root_path: directory.join("ipc"), prefix, instance };
+        drop(settings.node("before").expect("a node"));
+        let config = settings.config().expect("a sound place");
+        let foreign = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
+        let mut made = None;
+        let cleared = clear_if(&settings, || {
+            made = Some(foreign.create::<ipc::Service>().expect("nobody else is there"));
+            true
+        });
+        let files = left(&settings);
+        assert!(cleared && files.iter().any(|file| file.starts_with(SHARED_MEMORY)), "{files:?}");
+        assert!(!node_directories(&settings).is_empty() && !is_deserted(&settings, &config), "{files:?}");
+        drop(made);
+        crate::remove_all(&settings).expect("all of it can be removed");
+        std::fs::remove_dir(&directory).expect("nothing is left in it");
+    }
 }
