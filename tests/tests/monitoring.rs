@@ -12,7 +12,9 @@ use end_to_end::namespaces::{Machine, two_machines};
 use end_to_end::session::{
     PAPER_SCENARIO, PATIENT, ctl_command, drive_plant_by, output, plant_command, start_daemon, with_keys, write,
 };
-use end_to_end::{Child, Need, PATIENCE, PrivateIpc, binaries, certain, needs, page, screen, tunnel, undisturbed};
+use end_to_end::{
+    Child, Need, PATIENCE, PrivateIpc, binaries, certain, needs, page, python, screen, tunnel, undisturbed,
+};
 use iceoryx2::prelude::{CallbackProgression, Service as _, ipc};
 use ipc_types::{IpcSettings, TruthSample};
 
@@ -275,20 +277,30 @@ fn own_status(ipc: &PrivateIpc, file: &Path) -> serde_json::Value {
     serde_json::from_str(&said).expect("one object")
 }
 
-/// A stretch of the run in which somebody watched from the far side, or nobody did, ns.
+/// Who has the processors that the daemon does not, in a turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Beside {
+    Nobody,
+    /// A program that knows no daemon, and keeps the same processor as busy as what watches does.
+    Stranger,
+    /// Relay, tunnel and a recorder on the far side.
+    Watchers,
+}
+
+/// A stretch of the run, ns.
 struct Turn {
-    is_watched: bool,
+    beside: Beside,
     from_ns: u64,
     until_ns: u64,
 }
 
 impl Turn {
     /// The next three seconds, once what was started or ended before has settled.
-    fn take(is_watched: bool) -> Self {
+    fn take(beside: Beside) -> Self {
         std::thread::sleep(Duration::from_millis(700));
         let from_ns = monotonic_ns();
         std::thread::sleep(Duration::from_secs(3));
-        Self { is_watched, from_ns, until_ns: monotonic_ns() }
+        Self { beside, from_ns, until_ns: monotonic_ns() }
     }
 
     /// p50 and p99 of each time in this turn, µs: from the instant of a sample to its answer, and how late the plant itself woke up.
@@ -308,20 +320,40 @@ impl Turn {
     }
 }
 
-/// Nobody, then a recorder on the far side, and so on, and nobody at the end.
-fn take_turns(ipc: &PrivateIpc, file: &Path, pairs: usize) -> Vec<Turn> {
+/// Relay, two tunnels and a recorder take 60 % of a processor (`top`, 2026-11-25), some megabytes at a time.
+const STRANGER: &str = "
+import time
+memory = bytearray(4 << 20)
+while True:
+    until = time.monotonic() + 0.003
+    while time.monotonic() < until:
+        memory = bytearray(memory)
+    time.sleep(0.002)
+";
+
+/// Nobody, watchers, nobody, a stranger, and so on, and nobody at the end.
+fn take_turns(ipc: &PrivateIpc, file: &Path, rounds: usize) -> Vec<Turn> {
+    let aside = page::commands(PAGE, "On the robot's machine\n");
+    let aside = aside.iter().find_map(|line| line.strip_prefix("aside=")).expect("the page says it").trim_matches('\'');
     std::thread::sleep(Duration::from_secs(2));
     let mut turns = Vec::new();
-    for pair in 0..pairs {
-        turns.push(Turn::take(false));
-        let mut sides = Sides::new();
-        sides.start(ipc.settings(), true);
-        let recording = ipc.directory().join(format!("far-{pair}.mcap"));
-        let words = ["--config", &file.to_string_lossy(), &recording.to_string_lossy()];
-        let _recorder = Child::spawn(&mut sides.command("record", &words));
-        turns.push(Turn::take(true));
+    for round in 0..rounds {
+        turns.push(Turn::take(Beside::Nobody));
+        {
+            let mut sides = Sides::new();
+            sides.start(ipc.settings(), true);
+            let recording = ipc.directory().join(format!("far-{round}.mcap"));
+            let words = ["--config", &file.to_string_lossy(), &recording.to_string_lossy()];
+            let _recorder = Child::spawn(&mut sides.command("record", &words));
+            turns.push(Turn::take(Beside::Watchers));
+        }
+        turns.push(Turn::take(Beside::Nobody));
+        let mut stranger = Command::new("sh");
+        stranger.args(["-c", &format!("exec {aside} \"$0\" -c \"$1\"")]);
+        let _stranger = Child::spawn(stranger.arg(python().expect("it is needed")).arg(STRANGER));
+        turns.push(Turn::take(Beside::Stranger));
     }
-    turns.push(Turn::take(false));
+    turns.push(Turn::take(Beside::Nobody));
     turns
 }
 
@@ -332,20 +364,20 @@ fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
 }
 
 /// One daemon and one plant, so that nothing differs but who watches. What a turn differs by from the mean of the two turns of
-/// nobody around it is told beside what a turn of nobody differs by from those around it.
+/// nobody around it is told beside the same of a stranger, and beside what a turn of nobody differs by from those around it.
 #[test]
 fn timing_with_and_without_the_tunnel() {
-    if !needs(Need::Tunnel) {
+    if !needs(Need::Tunnel) || !needs(Need::Python) {
         return;
     }
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-    const PAIRS: usize = 6;
+    const ROUNDS: usize = 6;
     let ipc = PrivateIpc::new("cell-3");
     let file = daemon_file(&ipc);
     let _daemon = start_daemon(&ipc, &file);
-    let mut plant = Child::spawn(&mut plant_command(&ipc, &scenario(&ipc, 1.0, 240)));
+    let mut plant = Child::spawn(&mut plant_command(&ipc, &scenario(&ipc, 1.0, 300)));
     let (truths, turns) = std::thread::scope(|scope| {
-        let turns = scope.spawn(|| take_turns(&ipc, &file, PAIRS));
+        let turns = scope.spawn(|| take_turns(&ipc, &file, ROUNDS));
         let truths = drive_plant_by(ipc.settings(), &mut plant, |plant, _| {
             if turns.is_finished() {
                 plant.terminate();
@@ -353,26 +385,31 @@ fn timing_with_and_without_the_tunnel() {
         });
         (truths, turns.join().expect("the turns were taken"))
     });
-    let turns = &turns;
     let found: Vec<[[f64; 2]; 2]> = turns.iter().map(|turn| turn.quantiles(&truths)).collect();
-    println!("us, lower quartile, median and upper quartile over {PAIRS} pairs of turns of 3 s at 1 kHz");
+    println!("us, lower quartile, median and upper quartile over {ROUNDS} rounds of turns of 3 s at 1 kHz");
     for (time, name) in ["answer", "plant's lateness"].into_iter().enumerate() {
         for (part, quantile) in ["p50", "p99"].into_iter().enumerate() {
             let value = |turn: usize| found[turn][time][part];
-            let [watched, unwatched] =
-                [true, false].map(|kind| (0..turns.len()).filter(move |turn| turns[*turn].is_watched == kind));
-            let beside = |turn: usize, step: usize| value(turn) - 0.5 * (value(turn - step) + value(turn + step));
-            let differences = quartiles(watched.clone().map(|turn| beside(turn, 1)).collect());
-            let by_itself: Vec<f64> = unwatched
-                .clone()
-                .filter(|turn| (2..turns.len() - 2).contains(turn))
-                .map(|turn| beside(turn, 2))
-                .collect();
-            let shown = |values: [f64; 3]| values.map(|value| format!("{value:7.1}")).join(" ");
-            println!("{name:<17} {quantile}  nobody   {}", shown(quartiles(unwatched.map(value).collect())));
-            println!("{name:<17} {quantile}  watched  {}", shown(quartiles(watched.map(value).collect())));
-            println!("{name:<17} {quantile}  differs  {}", shown(differences));
-            println!("{name:<17} {quantile}  by itself{}", shown(quartiles(by_itself)));
+            let of = |beside: Beside| {
+                let turns = &turns;
+                (0..turns.len()).filter(move |turn| turns[*turn].beside == beside)
+            };
+            // From the mean of two turns of nobody, so many turns before and after.
+            let differences = |beside: Beside, step: usize| {
+                let between = of(beside).filter(|turn| (step..found.len() - step).contains(turn));
+                quartiles(between.map(|turn| value(turn) - 0.5 * (value(turn - step) + value(turn + step))).collect())
+            };
+            let said = [
+                ("nobody", quartiles(of(Beside::Nobody).map(value).collect())),
+                ("watchers", quartiles(of(Beside::Watchers).map(value).collect())),
+                ("watchers change", differences(Beside::Watchers, 1)),
+                ("a stranger changes", differences(Beside::Stranger, 1)),
+                ("changes by itself", differences(Beside::Nobody, 2)),
+            ];
+            for (what, values) in said {
+                let shown = values.map(|value| format!("{value:7.1}")).join(" ");
+                println!("{name:<17} {quantile}  {what:<19}{shown}");
+            }
         }
     }
 }

@@ -55,6 +55,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         demand: &Demand<D>,
         expired: &mut dyn FnMut() -> bool,
     ) -> Solution<&Plan<D>> {
+        self.stuck_at = None;
         let Options { limit_tolerance: tolerance, force_limit, .. } = self.settings.options;
         // A plan that rides on the limit would miss it by what the linear model leaves out.
         // A set has its own room: what is uncertain.

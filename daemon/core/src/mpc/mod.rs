@@ -182,6 +182,8 @@ pub(crate) struct Mpc<const N: usize, const D: usize, S, B> {
     warm_start: WarmStart,
     /// The last solution.
     plan: Plan<D>,
+    /// s·f_lin in N at which a stop was found standing above the limit, until it is below.
+    stuck_at: Option<SVector<f64, D>>,
 }
 
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
@@ -196,6 +198,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             horizon,
             warm_start: WarmStart::empty(),
             plan: Plan::empty(),
+            stuck_at: None,
             settings,
             solver,
         })
@@ -205,6 +208,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     /// next would depend on it, and a replay may begin between them.
     pub(crate) fn forget(&mut self) {
         self.warm_start.forget();
+        self.stuck_at = None;
     }
 }
 

@@ -23,6 +23,12 @@ use crate::surface::{STANDSTILL, Surface};
 const LEAST: Slack = Slack { softened: Softened::Maximum, price: 1e3, curvature: 0.1 };
 /// R of the stop, relative to its velocity weight: only enough to make the QP strictly convex.
 const INPUT_WEIGHT: f64 = 1e-2;
+/// Part of the speed at which the excess would be gone within the horizon, below which a stop is stuck.
+const STUCK: f64 = 0.5;
+/// Part of the force of a stop that was stuck, by which it may rise on the way out.
+const ROOM_TO_LEAVE: f64 = 0.05;
+/// Weight of its speed on the way out, relative to that of a stop that moves: the room is what slows it down.
+const SPEED_WEIGHT_TO_LEAVE: f64 = 1e-2;
 /// Ticks for which a ramp to standstill is followed.
 const RAMP_TICKS: usize = 256;
 
@@ -36,11 +42,17 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     ) -> Solution<&Plan<D>> {
         let settings = self.settings;
         let steps = settings.options.steps();
-        let weights = weights(situation.belief.surface(), steps);
+        let surface = situation.belief.surface();
         let start = situation.at_action(&settings, &ForceBounds::none());
         let twist_reference = &situation.sample.twist_reference;
-        let mut constraints =
-            settings.constraints(bounds(&settings, situation), twist_reference, situation, &start.state);
+        let excess = Excess::of(&settings, situation, &start.state);
+        if excess.by_axis.iter().all(|newtons| *newtons <= 0.0) {
+            self.stuck_at = None;
+        }
+        let leaving_weights = weights(surface, steps, SPEED_WEIGHT_TO_LEAVE);
+        let weights = if self.stuck_at.is_some() { leaving_weights } else { weights(surface, steps, 1.0) };
+        let force_bounds = excess.bounds(self.stuck_at.as_ref());
+        let mut constraints = settings.constraints(force_bounds, twist_reference, situation, &start.state);
         // Standstill, or as close to it as the limits of the offset allow.
         let reach = &settings.limits.offset;
         let target = twist_reference + twist_reference.zip_map(reach, |twist, reach| (-twist).clamp(-reach, reach));
@@ -62,7 +74,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         }
         situation.add_beside(steps, &mut known_reference[..steps.len()]);
         let (known_twist, known_reference) = (&known_twist[..steps.len()], &known_reference[..steps.len()]);
-        constraints.bound_inward_speed(0.0, &situation.belief.surface().normal, known_twist, way, steps);
+        constraints.bound_inward_speed(0.0, &surface.normal, known_twist, way, steps);
         let drives = drive_way.map(|way| {
             constraints.keep_drives(&way, situation, steps, (known_twist, known_reference), &SVector::zeros())
         });
@@ -87,8 +99,28 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             input_weight: SVector::repeat(INPUT_WEIGHT),
             slack: Some(LEAST),
         };
-        let solution = self.solve(situation, &prediction, known_twist, expired);
+        let mut solution = self.solve(situation, &prediction, known_twist, expired);
+        let is_solved = matches!(solution, Solution::Planned { .. });
+        if is_solved && self.stuck_at.is_none() && self.is_stuck(situation, &start.state, &excess) {
+            self.stuck_at = Some(excess.force);
+            let mut leaving = prediction;
+            leaving.constraints.force = excess.bounds(self.stuck_at.as_ref());
+            leaving.weights = &leaving_weights;
+            solution = self.solve(situation, &leaving, known_twist, expired).after(solution.iterations());
+        }
         solution.shifted(start.delay, 0.0).with(&self.plan)
+    }
+
+    /// Whether the arm stands above the limit, and would by this plan. Joints with unequal lags that start to move out first press a little
+    /// harder: that would be a larger violation than the present one, which nothing outweighs, and so the arm would stand
+    /// there for ever.
+    fn is_stuck(&self, situation: &Situation<'_, N, D>, state: &State<N, D>, excess: &Excess<D>) -> bool {
+        let surface = situation.belief.surface();
+        let enough = STUCK * excess.speed(surface, self.settings.options.steps().iter().sum());
+        let moves = surface.outward_speed(&(situation.sample.posture.jacobian() * state.joint_velocity));
+        let planned = self.plan.steps().next();
+        let planned = planned.map(|(offset, _)| surface.outward_speed(&(situation.sample.twist_reference + offset)));
+        enough > 0.0 && (-STANDSTILL..enough).contains(&moves) && planned.is_some_and(|speed| speed < enough)
     }
 
     /// Whether the arm may be held: it moves outward or not at all, the measured force is at most
@@ -136,30 +168,65 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     }
 }
 
-/// f_max only, the sign of each axis from the surface normal as it is believed to be.
-fn bounds<const N: usize, const D: usize>(
-    settings: &Settings<N, D>,
-    situation: &Situation<'_, N, D>,
-) -> ForceBounds<D> {
-    let mut bounds = ForceBounds::none();
-    let signs = situation.belief.normal_signs();
-    for axis in signs.axes(&settings.admittance) {
-        let (minimum, maximum) = (f64::NEG_INFINITY, settings.options.force_limit[axis]);
-        let sign = signs.sign(axis).unwrap_or(0.0);
-        bounds.push(AxisBound { axis, sign, minimum, maximum });
+/// What a stop has to bring down.
+struct Excess<const D: usize> {
+    /// s of each bounded axis, from the surface normal as it is believed to be; 0 of the others.
+    signs: [f64; D],
+    /// f_max in N.
+    limit: SVector<f64, D>,
+    /// s·f_lin at the instant of action in N; 0 on axes that are not bounded.
+    force: SVector<f64, D>,
+    /// s·f_lin − f_max in N; −∞ on axes that are not bounded.
+    by_axis: SVector<f64, D>,
+}
+
+impl<const D: usize> Excess<D> {
+    fn of<const N: usize>(settings: &Settings<N, D>, situation: &Situation<'_, N, D>, state: &State<N, D>) -> Self {
+        let (signs, wrench) = (situation.belief.normal_signs(), situation.model.linear_wrench(&state.joint_position));
+        let mut excess = Self {
+            signs: [0.0; D],
+            limit: settings.options.force_limit,
+            force: SVector::zeros(),
+            by_axis: SVector::repeat(f64::NEG_INFINITY),
+        };
+        for axis in signs.axes(&settings.admittance) {
+            let sign = signs.sign(axis).unwrap_or(0.0);
+            excess.signs[axis] = sign;
+            excess.force[axis] = sign * wrench[axis];
+            excess.by_axis[axis] = excess.force[axis] - excess.limit[axis];
+        }
+        excess
     }
-    bounds
+
+    /// f_max only; where a stop was stuck at a force, a little more than that.
+    fn bounds(&self, stuck_at: Option<&SVector<f64, D>>) -> ForceBounds<D> {
+        let mut bounds = ForceBounds::none();
+        for axis in (0..D).filter(|axis| self.by_axis[*axis] > f64::NEG_INFINITY) {
+            let leaves = stuck_at.map_or(0.0, |force| (1.0 + ROOM_TO_LEAVE) * force[axis]);
+            let (minimum, maximum) = (f64::NEG_INFINITY, self.limit[axis].max(leaves));
+            bounds.push(AxisBound { axis, sign: self.signs[axis], minimum, maximum });
+        }
+        bounds
+    }
+
+    /// Speed out of the surface in m/s at which all of it would be gone after `duration` s; 0 where there is none.
+    fn speed(&self, surface: &Surface<D>, duration: f64) -> f64 {
+        let by_depth = surface.stiffness * surface.normal;
+        let above = self.by_axis.iter().zip(by_depth.iter()).filter(|(excess, _)| **excess > 0.0);
+        let speeds = above.map(|(excess, by_depth)| excess / (by_depth.abs() * duration));
+        speeds.filter(|speed| speed.is_finite()).fold(0.0, f64::max)
+    }
 }
 
 /// Q of a stop: velocity against force so that the force fades within the horizon, v = f / (k ·
 /// horizon).
-fn weights<const N: usize, const D: usize>(surface: &Surface<D>, steps: &[f64]) -> Weights<N, D> {
+fn weights<const N: usize, const D: usize>(surface: &Surface<D>, steps: &[f64], velocity: f64) -> Weights<N, D> {
     let stiffness = surface.stiffness.norm();
     let duration: f64 = steps.iter().sum();
     let wrench = 1.0 / (stiffness * duration * stiffness * duration);
     Weights::Task {
         position: SVector::zeros(),
-        velocity: SVector::repeat(1.0),
+        velocity: SVector::repeat(velocity),
         wrench: SVector::repeat(if wrench.is_finite() { wrench } else { 0.0 }),
     }
 }

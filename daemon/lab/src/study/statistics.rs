@@ -173,6 +173,8 @@ pub(crate) struct Examples {
     pub(crate) lost: Vec<u64>,
     /// Stops with more than [`HIGH_PEAK`] times the lowest attainable peak.
     pub(crate) high: Vec<u64>,
+    /// Stops that rest above the limit.
+    pub(crate) resting: Vec<u64>,
     pub(crate) failed: Vec<u64>,
 }
 
@@ -332,7 +334,10 @@ fn column<'a>(cases: impl Iterator<Item = &'a Case>, variant: usize) -> Column {
         if seen.stopped() {
             column.stops += 1;
             column.other_stops += u32::from(seen.is_feasible());
-            column.resting_over_limit += u32::from(exceeds(seen.resting_force_n, limit));
+            if exceeds(seen.resting_force_n, limit) {
+                column.resting_over_limit += 1;
+                example(&mut column.examples.resting, case);
+            }
             resting.push(seen.resting_force_n);
             let ratio = case.peak_n().map(|peak| seen.peak_n / peak);
             if ratio.is_some_and(|ratio| ratio > HIGH_PEAK) {

@@ -35,10 +35,12 @@ pub(crate) fn table(figures: &Figures) -> String {
         ("apart: under 3 samples in contact", |c| c.brief.to_string()),
         ("apart: no active sample", |c| c.no_contact.to_string()),
         ("apart: failed", |c| c.failed.to_string()),
-        ("look at (unsound; timid; withdrawn; outpaced; lost; high)", |c| {
+        ("look at (unsound; timid; withdrawn; outpaced; lost; high; resting)", |c| {
             let some = |list: &[u64]| list.iter().take(3).map(u64::to_string).collect::<Vec<_>>().join(" ");
             let e = &c.examples;
-            [&e.unsound, &e.timid, &e.withdrawn, &e.outpaced, &e.lost, &e.high].map(|list| some(list)).join("; ")
+            [&e.unsound, &e.timid, &e.withdrawn, &e.outpaced, &e.lost, &e.high, &e.resting]
+                .map(|list| some(list))
+                .join("; ")
         }),
     ];
     let other = |variant: &Variant| Some((variant.name(), figures.variants.get(variant.name())?));
