@@ -86,6 +86,25 @@ fn no_verdict_is_feasible_above_what_an_impact_allows() {
     }
 }
 
+/// The motors move out some milliseconds before the link does.
+#[test]
+fn no_verdict_is_feasible_while_a_link_still_swings_into_a_surface_twice_as_hard_as_told() {
+    let masses = with_masses(SCENARIO);
+    let mut at_risk = 0;
+    for (stiffness, speed) in [(1e5, 0.14), (1e5, 0.16), (3e5, 0.09), (3e5, 0.11), (1e6, 0.06), (1e6, 0.07)] {
+        let mut of = approach(&masses, SCENARIO, speed, stiffness);
+        of.config.environment.impact_stiffness_n_m = Some(0.5 * stiffness);
+        of.at_instants(INSTANTS, |_, run| {
+            let most = most_while_feasible(run);
+            let is_at_risk = |instant: &Instant| instant.command.verdict == Verdict::AtRisk.code();
+            at_risk += u32::from(run.instants.iter().any(is_at_risk));
+            println!("{stiffness:e} N/m at {speed} m/s: {most:.0} N while feasible, peak {:.0} N", run.peak_normal());
+            assert!(most <= LIMIT_N * (1.0 + of.config.contact.limit_tolerance), "{most} N while feasible");
+        });
+    }
+    assert!(at_risk > 0, "nothing was at risk");
+}
+
 #[test]
 fn a_verdict_without_masses_does_not_know_of_an_impact() {
     let of = approach(CONFIG, SCENARIO, 0.2, 1e5);

@@ -52,6 +52,8 @@ pub struct SurfaceStiffness {
     pub pressed: f64,
     /// As a link meets it, where that is told.
     pub in_impact: Option<f64>,
+    /// As a link may meet it at most, where that is told.
+    pub most_in_impact: Option<f64>,
 }
 
 impl SurfaceStiffness {
@@ -62,7 +64,7 @@ impl SurfaceStiffness {
 
     /// As this link meets it at most, N/m.
     fn most_met_by(&self, link: &ImpactLink) -> f64 {
-        let harder = HARDER * self.met_by(link);
+        let harder = (HARDER * self.met_by(link)).max(self.most_in_impact.unwrap_or(0.0));
         // A press that is not softer than an impact was told without the gears.
         if self.in_impact.is_some_and(|stiffness| stiffness <= self.pressed) {
             return harder;
@@ -152,7 +154,7 @@ impl LinkObserver {
         let by = -surface.normal_direction().dot(&(position - before));
         self.since = match self.since {
             Since::Touch { mut swings, .. } => {
-                if let Some(Swings { likely, hardest }) = &mut swings {
+                if let Some(Swings { likely, hardest, .. }) = &mut swings {
                     let seconds = sample.stamp.since(stamp).seconds();
                     likely.follow(by, seconds);
                     hardest.follow(by, seconds);
@@ -173,9 +175,9 @@ impl LinkObserver {
     pub(crate) fn swings(&self) -> Option<Swings> {
         match self.since {
             Since::Free => None,
-            Since::Touch { swings, is_first } => swings.map(|Swings { likely, hardest }| Swings {
-                likely: likely.counted(is_first),
-                hardest: hardest.counted(likely.elapsed < LATER * likely.half_a_swing()),
+            Since::Touch { swings, is_first } => swings.map(|Swings { likely, hardest, .. }| {
+                let is_first_swing = likely.elapsed < LATER * likely.half_a_swing();
+                Swings { likely: likely.counted(is_first), hardest: hardest.counted(is_first_swing), is_first_swing }
             }),
         }
     }
@@ -200,7 +202,8 @@ fn touch<const N: usize, const D: usize>(
     let on =
         |stiffness: f64| Swing::touching(&link, stiffness, speed).shows(surface.pressing_force(&sample.wrench), shown);
     let stiffness = &model.surface_stiffness;
-    (speed > 0.0).then(|| Swings { likely: on(stiffness.met_by(&link)), hardest: on(stiffness.most_met_by(&link)) })
+    let (likely, hardest) = (on(stiffness.met_by(&link)), on(stiffness.most_met_by(&link)));
+    (speed > 0.0).then_some(Swings { likely, hardest, is_first_swing: true })
 }
 
 /// The link as it swings on a surface as it is told, and on the hardest that this may be.
@@ -208,6 +211,8 @@ fn touch<const N: usize, const D: usize>(
 pub(crate) struct Swings {
     pub(crate) likely: Swing,
     pub(crate) hardest: Swing,
+    /// Whether the likely one may not have turned yet, since the touch.
+    pub(crate) is_first_swing: bool,
 }
 
 /// The link as it swings.
@@ -388,9 +393,10 @@ mod tests {
         // A press on 5e4 N/m, by gears that are a fifth softer than told.
         let softer = gears / SOFTER_GEARS;
         let pressed = 5e4 * softer / (5e4 + softer);
-        let (by_press, known) = (SurfaceStiffness { pressed, in_impact: None }, |stiffness: f64, pressed: f64| {
-            SurfaceStiffness { pressed, in_impact: Some(stiffness) }.most_met_by(&link)
-        });
+        let (by_press, known) =
+            (SurfaceStiffness { pressed, in_impact: None, most_in_impact: None }, |stiffness: f64, pressed: f64| {
+                SurfaceStiffness { pressed, in_impact: Some(stiffness), most_in_impact: None }.most_met_by(&link)
+            });
         assert!(by_press.met_by(&link) < 4.5e4, "{}", by_press.met_by(&link));
         assert!(by_press.most_met_by(&link) >= 5e4 * (1.0 - 1e-9), "{}", by_press.most_met_by(&link));
         assert_eq!(known(6e4, 6e4), HARDER * 6e4);
@@ -403,7 +409,7 @@ mod tests {
     fn the_peak_on_the_hardest_surface_counts_until_the_likely_one_has_turned() {
         let on = |surface: f64| Swing::touching(&LINK, surface, 0.1);
         let mut observer = LinkObserver::new();
-        let mut swings = Swings { likely: on(SURFACE), hardest: on(4.0 * SURFACE) };
+        let mut swings = Swings { likely: on(SURFACE), hardest: on(4.0 * SURFACE), is_first_swing: true };
         let (half, whole) = (swings.likely.half_a_swing(), on(4.0 * SURFACE));
         let mut peak = whole;
         peak.follow(0.0, half);

@@ -16,7 +16,10 @@ const ABOVE_KEPT: f64 = 1.1;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Beyond {
     impact: Option<Impact>,
-    /// The same on the hardest surface that may be there.
+    /// Of a link that may still swing in though its motors move out, so that the force settles already: this and the
+    /// next one decide only whether a verdict may be feasible.
+    rest: Option<Impact>,
+    /// On the hardest surface that may be there.
     hardest: Option<Impact>,
     /// What an impact presses with already.
     pressed: Peak,
@@ -37,13 +40,17 @@ impl Beyond {
         demand: &Demand<D>,
     ) -> Self {
         let (covariance, normal) = (&situation.sample.wrench_covariance, &situation.belief.surface().normal);
-        // Once the force settles the swing is over, which nothing here damps.
-        let swings = situation.belief.swings().filter(|_| !demand.settles);
+        // Nothing damps a swing: what settles is planned without it. But that the motors move out says nothing of
+        // the link, which goes on by its gears: its first swing counts in the verdict until it may have turned.
+        let first = situation.belief.swings().filter(|swings| !demand.settles || swings.is_first_swing);
+        let swings = first.filter(|_| !demand.settles);
         let (axis, limit) = nearest_limit(settings, situation, &demand.signs).unwrap_or((0, f64::INFINITY));
         let of = |swing: Swing| impact(settings, situation, swing);
-        let bounded = swings.filter(|_| limit.is_finite());
+        let bounded = first.filter(|_| limit.is_finite());
+        let likely = bounded.and_then(|swings| of(swings.likely));
         Self {
-            impact: bounded.and_then(|swings| of(swings.likely)),
+            impact: likely.filter(|_| !demand.settles),
+            rest: likely.filter(|_| demand.settles),
             hardest: bounded.and_then(|swings| of(swings.hardest)),
             pressed: Peak { force: swings.map_or(0.0, |swings| swings.likely.force()), time: 0.0 },
             deviation: libm::sqrt(normal.dot(&(covariance * normal)).max(0.0)),
@@ -107,9 +114,9 @@ impl Beyond {
         plan: &Plan<D>,
     ) -> Verdict {
         let (mut verdict, mut likely) = (verdict, self.pressed.force);
-        if let Some(impact) = &self.impact {
-            let peak = impact.peak_under(settings, situation, plan);
-            if let Some(broken) = self.broken_by(&peak) {
+        if let Some(swinging) = self.impact.or(self.rest) {
+            let peak = swinging.peak_under(settings, situation, plan);
+            if let Some(broken) = self.broken_by(&peak).filter(|_| self.impact.is_some()) {
                 return broken;
             }
             likely = peak.force;

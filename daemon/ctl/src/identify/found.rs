@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::arm::Arm;
 use super::delay::command_delay;
 use super::estimate::Estimate;
+use super::impact::{self, Between};
 use super::joint_loop::Loop;
 use super::lag::unexplained_lag_s;
 use super::loops::{Evidence, FADED_S, FoundLoops};
@@ -45,7 +46,7 @@ pub(super) struct Found {
     pub(super) touches: Vec<FoundTouch>,
     pub(super) stiffness_n_m: Option<Estimate>,
     /// Before gears give, where masses are told.
-    pub(super) impact_stiffness_n_m: Option<Estimate>,
+    pub(super) impact_stiffness_n_m: Option<Between>,
     pub(super) wrench_time_constant_s: Option<Estimate>,
     pub(super) wrench_dead_time_s: Option<Estimate>,
     /// What to allow for beyond the model; absent where nothing is left to explain.
@@ -122,11 +123,8 @@ impl<'a> Case<'a> {
         let _ = told(&told::REPORT_LAG, Some(loops.report_lag_s));
         let command_delay_s = told(&told::COMMAND_DELAY, command_delay_s);
         let stiffness_n_m = told(&told::STIFFNESS, mean(|touch| touch.stiffness_n_m));
-        let impacts: Vec<Estimate> = touches.iter().filter_map(|touch| touch.impact_stiffness_n_m).collect();
-        // Its upper end is what is told: a wide interval is on the safe side.
-        let impact = Estimate::mean(&impacts);
-        let impact_stiffness_n_m =
-            impact.filter(|impact| impact.half_width <= impact.value).or_else(|| told(&told::IMPACT_STIFFNESS, impact));
+        // Its upper end is told as well: a wide interval is on the safe side.
+        let impact_stiffness_n_m = impact::stiffness(touches.iter().filter_map(|touch| touch.impact.as_ref()));
         // The lag of a wrench from motor torques is what the configuration says it is.
         let by_sensor = self.config.wrench.source == WrenchSourceName::Sample;
         let lag = mean(|touch| touch.time_constant_s).filter(|_| by_sensor);

@@ -6,7 +6,7 @@ use admittance_runner::cycle;
 
 use super::estimate::Estimate;
 use super::found::Found;
-use super::text::with_interval;
+use super::text::between;
 use super::told::{DAMPING, JOINT_DEAD_TIME, REPORT_LAG};
 use super::toml_text::with_key;
 use super::unknown::loaded;
@@ -38,6 +38,11 @@ fn rounded(value: f64, step: f64) -> String {
     let value =
         if scale >= 1.0 { (value * scale).round() / scale } else { (value * scale).round() * (1.0 / scale).round() };
     format!("{:?}", if value == 0.0 { 0.0 } else { value })
+}
+
+/// A number that is known to a few per cent at best, in TOML.
+pub(super) fn three_digits(value: f64) -> String {
+    rounded(value, 1e-2 * value.abs().max(1e-9))
 }
 
 pub(super) fn half_width(estimate: &Estimate) -> String {
@@ -199,12 +204,16 @@ fn of_wrench(found: &Found, config: &Config) -> Vec<Entry> {
         let was = config.environment.normal_stiffness_n_m;
         entries.push(of_one("environment", "normal_stiffness_n_m", "N/m", stiffness, was));
     }
-    if let Some(stiffness) = &found.impact_stiffness_n_m {
+    if let Some(impact) = &found.impact_stiffness_n_m {
+        let environment = &config.environment;
+        let was = |was: Option<f64>| was.map_or_else(|| "absent".to_owned(), |was| format!("{was:?}"));
+        let remark = format!("95 %: {}", between(impact, 1.0, "N/m"));
+        let mut add = |key: &'static str, value: f64, before: Option<f64>| {
+            entries.push(entry("environment", key, three_digits(value), was(before), remark.clone()));
+        };
+        add("impact_stiffness_n_m", impact.value, environment.impact_stiffness_n_m);
         // What is too soft would make a verdict unsound.
-        let most = Estimate { value: stiffness.value + stiffness.half_width, ..*stiffness };
-        let was = config.environment.impact_stiffness_n_m.map_or_else(|| "absent".to_owned(), |was| format!("{was:?}"));
-        let remark = format!("the upper end of {}", with_interval(stiffness, 1.0, "N/m"));
-        entries.push(entry("environment", "impact_stiffness_n_m", number(&most), was, remark));
+        add("most_impact_stiffness_n_m", impact.most, environment.most_impact_stiffness_n_m);
     }
     entries
 }

@@ -4,12 +4,18 @@ use std::fmt::Write as _;
 
 use super::estimate::Estimate;
 use super::found::Found;
-use super::fragment::{half_width, number};
+use super::fragment::{half_width, number, three_digits};
+use super::impact::Between;
 use super::told::{JOINT_DEAD_TIME, REPORT_LAG};
 
 pub(super) fn with_interval(estimate: &Estimate, factor: f64, unit: &str) -> String {
     let scaled = Estimate::new(estimate.value * factor, estimate.half_width * factor);
     format!("{} +- {} {unit}", number(&scaled), half_width(&scaled))
+}
+
+pub(super) fn between(of: &Between, factor: f64, unit: &str) -> String {
+    let [value, least, most] = [of.value, of.least, of.most].map(|value| three_digits(value * factor));
+    format!("{value} {unit}, between {least} and {most}")
 }
 
 /// Name and value of all that is no joint's.
@@ -45,11 +51,13 @@ pub(super) fn rows(found: &Found) -> Vec<(String, String)> {
         ("lag of the wrench", &found.wrench_time_constant_s, 1e3, "ms"),
         ("dead time of the wrench", &found.wrench_dead_time_s, 1e3, "ms"),
         ("stiffness", &found.stiffness_n_m, 1e-3, "N/mm"),
-        ("stiffness in an impact, before gears give", &found.impact_stiffness_n_m, 1e-3, "N/mm"),
     ] {
         if let Some(of) = of {
             add(name, with_interval(of, factor, unit));
         }
+    }
+    if let Some(impact) = &found.impact_stiffness_n_m {
+        add("stiffness in an impact, before gears give", between(impact, 1e-3, "N/mm"));
     }
     for (number, touch) in found.touches.iter().enumerate() {
         let rms = format!("{:.2} N RMS of {:.0} N", touch.residual_n, touch.peak_n);

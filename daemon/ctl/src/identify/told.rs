@@ -37,11 +37,6 @@ pub(super) const WRENCH_DEAD_TIME: Quantity = in_ms("the dead time of the wrench
 pub(super) const DAMPING: Quantity = Quantity { what: "damping", narrow: 0.05, factor: 1.0, unit: "", motion: LIVELY };
 pub(super) const STIFFNESS: Quantity =
     Quantity { what: "the stiffness", narrow: 0.0, factor: 1e-3, unit: "N/mm", motion: HARD };
-pub(super) const IMPACT_STIFFNESS: Quantity = Quantity {
-    what: "the stiffness in an impact",
-    motion: "touches at 0.05 m/s and more, whose forces are ten times the noise within 20 ms",
-    ..STIFFNESS
-};
 const CENTER: Quantity = Quantity {
     what: "the centre of gravity of the tool",
     narrow: 0.01,

@@ -7,7 +7,7 @@ use plant_sim::wrench_estimate::WrenchEstimate;
 use serde::Serialize;
 
 use super::estimate::Estimate;
-use super::impact::{self, Press};
+use super::impact::{FirstInstants, Press};
 use super::least_squares::{Fit, MOST_INFLATION, Problem, mean_square};
 use super::way::Instant;
 
@@ -48,8 +48,6 @@ pub(super) struct Touch {
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct FoundTouch {
     pub(super) stiffness_n_m: Estimate,
-    /// Before gears give, where masses are told.
-    pub(super) impact_stiffness_n_m: Option<Estimate>,
     pub(super) time_constant_s: Estimate,
     pub(super) dead_time_s: Estimate,
     /// RMS of what the fit leaves, and the largest force, N.
@@ -59,6 +57,9 @@ pub(super) struct FoundTouch {
     /// Time (s), measured and fitted force along the inward normal (N).
     #[serde(skip)]
     pub(super) curve: Vec<(f64, f64, f64)>,
+    /// Where masses are told, and gears give.
+    #[serde(skip)]
+    pub(super) impact: Option<FirstInstants>,
 }
 
 /// Outward normal of the surface as it is told.
@@ -171,11 +172,11 @@ pub(super) fn touch(
     let fit = if fit.values[DEAD_TIME] < 0.0 { without_dead_time(&fit, begins_m, &residuals, &blocks) } else { fit };
     let of = |k: usize, finest: f64| Estimate::new(fit.values[k], fit.half_width[k]).doubted(finest);
     let fitted = shown(way, &depths, &fit.values);
-    let [stiffness_n_m, begins_m, lag_s, dead_time_s, _] = fit.values;
-    let press = Press { stiffness_n_m, begins_m, lag_s, dead_time_s };
+    let [stiffness_n_m, begins_m, lag_s, dead_time_s, offset_n] = fit.values;
+    let press = Press { stiffness_n_m, begins_m, lag_s, dead_time_s, offset_n };
     Some(FoundTouch {
         stiffness_n_m: of(0, FINEST * fit.values[0]),
-        impact_stiffness_n_m: link.and_then(|link| impact::stiffness(way, pressing, normal, link, &press)),
+        impact: link.and_then(|link| FirstInstants::of(way, pressing, normal, *link, press)),
         time_constant_s: of(2, FINEST_S),
         dead_time_s: of(DEAD_TIME, FINEST_S),
         residual_n: mean_square(&fit.residuals).sqrt(),

@@ -24,6 +24,7 @@ impl EnvironmentSection {
         SurfaceStiffness {
             pressed: self.stiffness_range_n_m.map_or(self.normal_stiffness_n_m, |[_, most]| most),
             in_impact: self.impact_stiffness_n_m,
+            most_in_impact: self.most_impact_stiffness_n_m,
         }
     }
 }

@@ -9,12 +9,14 @@ mod run;
 
 use std::fmt::Write as _;
 
+use admittance_runner::parameters::link_in_impact;
 use admittancectl::{parallel, plausible};
 use commission::Commissioned;
 use draw::{Cause, Cell, Contact, KINDS};
 pub(super) use figures::Figures;
 use plant_sim::scenario::Scenario;
 use run::Seen;
+use toml::Table;
 
 use super::statistics::exceeds;
 
@@ -102,6 +104,7 @@ impl Study {
         let body = format!("{:#?}\n{:#?}", cell.plant.surface, cell.plant.rigid_body);
         let contact = Contact::draw(self.seed, index);
         let _ = writeln!(text, "{body}\n{contact:#?}\n{:#?}", self.run(index, &cell, &commissioned)?);
+        text += &beside(&cell, &commissioned.told, &contact)?;
         text += &cycles(&run::config(&commissioned.told, &contact, &cell)?, &resolved(cell.scenario(&contact)))?;
         Ok(text)
     }
@@ -167,6 +170,35 @@ impl Study {
     }
 }
 
+/// What the daemon was told of an impact, beside what is true.
+fn beside(cell: &Cell, told: &Table, contact: &Contact) -> Result<String, String> {
+    let along = nalgebra::Vector3::from(cell.normal).iamax();
+    let of = |told: &Table| -> Result<Vec<(&'static str, Option<f64>)>, String> {
+        let config = run::config(told, contact, cell)?;
+        let link = link_in_impact(&config, &cell.plant.start.joint_position_rad);
+        let pressed = link.map(|link| {
+            let surface = config.environment.impact_stiffness_n_m.unwrap_or(f64::NAN);
+            1.0 / (1.0 / surface + 1.0 / link.gears)
+        });
+        Ok(vec![
+            ("surface in an impact, N/m", config.environment.impact_stiffness_n_m),
+            ("gears along the normal, N/m", link.map(|link| link.gears)),
+            ("both in series, N/m", pressed),
+            ("effective mass, kg", link.map(|link| link.mass)),
+            ("lag of the wrench along the normal, s", Some(config.contact.wrench_time_constant_s[along])),
+            ("dead time of the wrench, s", Some(config.contact.wrench_dead_time_s)),
+            ("command delay, s", Some(config.control.command_delay_s)),
+        ])
+    };
+    let pressed = run::config(told, contact, cell)?.environment.normal_stiffness_n_m;
+    let mut text = format!("told and true; a slow press showed {pressed:.3e} N/m\n");
+    for ((what, told), (_, truth)) in of(told)?.into_iter().zip(of(&cell.as_it_is(told))?) {
+        let shown = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3e}"));
+        let _ = writeln!(text, "{what}: {} {}", shown(told), shown(truth));
+    }
+    Ok(text)
+}
+
 /// The first cycles of a contact, a line each.
 fn cycles(config: &admittance_runner::config::Config, scenario: &Scenario) -> Result<String, String> {
     let mut text =
@@ -211,6 +243,18 @@ fn resolved(mut scenario: Scenario) -> Scenario {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Its motors move out some milliseconds before its link does, which is over the limit by then.
+    #[test]
+    fn no_verdict_is_feasible_because_the_motors_move_out_already() {
+        let study = Study::new(1);
+        let (cell, commissioned) = study.cell(87).unwrap();
+        for index in [87, 94] {
+            let run = study.run(index, &cell, &commissioned).unwrap();
+            assert!(exceeds(run.seen.peak_n, run.limit_n), "nothing is left to show: {run:?}");
+            assert!(!run.is_unsound(), "{run:?}");
+        }
+    }
 
     #[test]
     fn an_arm_is_identified_and_pressed_with_and_again_the_same() {
