@@ -87,6 +87,13 @@ pub struct ImpactLink {
     pub gears: f64,
 }
 
+impl ImpactLink {
+    /// What a slow press shows the motors of a surface of this stiffness: both in series, N/m.
+    pub fn pressed(&self, surface: f64) -> f64 {
+        surface / (1.0 + surface / self.gears)
+    }
+}
+
 impl<const N: usize> ImpactModel<N> {
     /// The same in another frame.
     #[must_use]
@@ -118,8 +125,8 @@ pub(crate) struct Shown {
 enum Since {
     Free,
     Touch {
-        /// `None`: no gear gives, or the arm did not move in.
-        swings: Option<Swings>,
+        /// The likely one, and that on the hardest surface. `None`: no gear gives, or the arm did not move in.
+        swings: Option<[Swing; 2]>,
         /// Whether the contact's first sample was the last one.
         is_first: bool,
     },
@@ -154,11 +161,8 @@ impl LinkObserver {
         let by = -surface.normal_direction().dot(&(position - before));
         self.since = match self.since {
             Since::Touch { mut swings, .. } => {
-                if let Some(Swings { likely, hardest, .. }) = &mut swings {
-                    let seconds = sample.stamp.since(stamp).seconds();
-                    likely.follow(by, seconds);
-                    hardest.follow(by, seconds);
-                }
+                let seconds = sample.stamp.since(stamp).seconds();
+                swings.iter_mut().flatten().for_each(|swing| swing.follow(by, seconds));
                 Since::Touch { swings, is_first: false }
             }
             Since::Free => {
@@ -175,7 +179,7 @@ impl LinkObserver {
     pub(crate) fn swings(&self) -> Option<Swings> {
         match self.since {
             Since::Free => None,
-            Since::Touch { swings, is_first } => swings.map(|Swings { likely, hardest, .. }| {
+            Since::Touch { swings, is_first } => swings.map(|[likely, hardest]| {
                 let is_first_swing = likely.elapsed < LATER * likely.half_a_swing();
                 Swings { likely: likely.counted(is_first), hardest: hardest.counted(is_first_swing), is_first_swing }
             }),
@@ -195,15 +199,14 @@ fn touch<const N: usize, const D: usize>(
     sample: &Accepted<N, D>,
     joint_velocity: &SVector<f64, N>,
     shown: Shown,
-) -> Option<Swings> {
+) -> Option<[Swing; 2]> {
     let jacobian = sample.posture.jacobian();
     let speed = -surface.outward_speed(&(jacobian * joint_velocity));
     let link = model.link_by(&sample.joint_position, &jacobian.tr_mul(&surface.normal))?;
     let on =
         |stiffness: f64| Swing::touching(&link, stiffness, speed).shows(surface.pressing_force(&sample.wrench), shown);
     let stiffness = &model.surface_stiffness;
-    let (likely, hardest) = (on(stiffness.met_by(&link)), on(stiffness.most_met_by(&link)));
-    (speed > 0.0).then_some(Swings { likely, hardest, is_first_swing: true })
+    (speed > 0.0).then(|| [on(stiffness.met_by(&link)), on(stiffness.most_met_by(&link))])
 }
 
 /// The link as it swings on a surface as it is told, and on the hardest that this may be.
@@ -393,13 +396,18 @@ mod tests {
         // A press on 5e4 N/m, by gears that are a fifth softer than told.
         let softer = gears / SOFTER_GEARS;
         let pressed = 5e4 * softer / (5e4 + softer);
-        let (by_press, known) =
-            (SurfaceStiffness { pressed, in_impact: None, most_in_impact: None }, |stiffness: f64, pressed: f64| {
-                SurfaceStiffness { pressed, in_impact: Some(stiffness), most_in_impact: None }.most_met_by(&link)
-            });
+        let by_press = SurfaceStiffness { pressed, in_impact: None, most_in_impact: None };
+        let known = |stiffness: f64, pressed: f64| {
+            SurfaceStiffness { pressed, in_impact: Some(stiffness), ..by_press }.most_met_by(&link)
+        };
         assert!(by_press.met_by(&link) < 4.5e4, "{}", by_press.met_by(&link));
         assert!(by_press.most_met_by(&link) >= 5e4 * (1.0 - 1e-9), "{}", by_press.most_met_by(&link));
         assert_eq!(known(6e4, 6e4), HARDER * 6e4);
+        // Where more is told, that counts; less does not.
+        for (told, counts) in [(5e5, 5e5), (6e4, HARDER * 6e4)] {
+            let surface = SurfaceStiffness { pressed: 6e4, in_impact: Some(6e4), most_in_impact: Some(told) };
+            assert_eq!(surface.most_met_by(&link), counts);
+        }
         // Where the press says more than the impact, it counts.
         let hard = 0.99 * softer;
         assert_eq!(known(1.5 * hard, hard), hard / LEAST_OF_SOFTER);
@@ -409,14 +417,12 @@ mod tests {
     fn the_peak_on_the_hardest_surface_counts_until_the_likely_one_has_turned() {
         let on = |surface: f64| Swing::touching(&LINK, surface, 0.1);
         let mut observer = LinkObserver::new();
-        let mut swings = Swings { likely: on(SURFACE), hardest: on(4.0 * SURFACE), is_first_swing: true };
-        let (half, whole) = (swings.likely.half_a_swing(), on(4.0 * SURFACE));
-        let mut peak = whole;
+        let mut swings = [on(SURFACE), on(4.0 * SURFACE)];
+        let (half, mut peak) = (swings[0].half_a_swing(), swings[1]);
         peak.follow(0.0, half);
         let counted = |observer: &LinkObserver| observer.swings().map_or(0.0, |swings| swings.hardest.peak().force);
         for (part, counts) in [(0.9, true), (0.3, true), (0.2, false)] {
-            swings.likely.follow(0.0, part * half);
-            swings.hardest.follow(0.0, part * half);
+            swings.iter_mut().for_each(|swing| swing.follow(0.0, part * half));
             observer.since = Since::Touch { swings: Some(swings), is_first: false };
             let found = counted(&observer) / peak.peak().force;
             assert_eq!(found > 0.99, counts, "{found} of the peak after another {part} of half a swing");

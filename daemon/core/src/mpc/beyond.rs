@@ -15,12 +15,12 @@ const ABOVE_KEPT: f64 = 1.1;
 /// Along the normal, N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Beyond {
-    impact: Option<Impact>,
-    /// Of a link that may still swing in though its motors move out, so that the force settles already: this and the
-    /// next one decide only whether a verdict may be feasible.
-    rest: Option<Impact>,
-    /// On the hardest surface that may be there.
+    /// Of a link that swings.
+    likely: Option<Impact>,
+    /// The same on the hardest surface that may be there.
     hardest: Option<Impact>,
+    /// Whether the force settles already: then these two decide only whether a verdict may be feasible.
+    settles: bool,
     /// What an impact presses with already.
     pressed: Peak,
     /// Standard deviation of f̂.
@@ -42,17 +42,16 @@ impl Beyond {
         let (covariance, normal) = (&situation.sample.wrench_covariance, &situation.belief.surface().normal);
         // Nothing damps a swing: what settles is planned without it. But that the motors move out says nothing of
         // the link, which goes on by its gears: its first swing counts in the verdict until it may have turned.
-        let first = situation.belief.swings().filter(|swings| !demand.settles || swings.is_first_swing);
-        let swings = first.filter(|_| !demand.settles);
+        let swings = situation.belief.swings().filter(|swings| !demand.settles || swings.is_first_swing);
         let (axis, limit) = nearest_limit(settings, situation, &demand.signs).unwrap_or((0, f64::INFINITY));
         let of = |swing: Swing| impact(settings, situation, swing);
-        let bounded = first.filter(|_| limit.is_finite());
-        let likely = bounded.and_then(|swings| of(swings.likely));
+        let bounded = swings.filter(|_| limit.is_finite());
+        let pressed = swings.filter(|_| !demand.settles).map_or(0.0, |swings| swings.likely.force());
         Self {
-            impact: likely.filter(|_| !demand.settles),
-            rest: likely.filter(|_| demand.settles),
+            likely: bounded.and_then(|swings| of(swings.likely)),
             hardest: bounded.and_then(|swings| of(swings.hardest)),
-            pressed: Peak { force: swings.map_or(0.0, |swings| swings.likely.force()), time: 0.0 },
+            settles: demand.settles,
+            pressed: Peak { force: pressed, time: 0.0 },
             deviation: libm::sqrt(normal.dot(&(covariance * normal)).max(0.0)),
             limit,
             axis,
@@ -63,12 +62,17 @@ impl Beyond {
 
     /// The verdict on an impact that is above the limit already, or is going to be however fast the arm leaves.
     pub(super) fn hopeless(&self) -> Option<Verdict> {
-        self.broken_by(&self.pressed).or_else(|| self.broken_by(&self.impact?.least))
+        self.broken_by(&self.pressed).or_else(|| self.broken_by(&self.impact()?.least))
     }
 
     /// Whether an impact is under way.
     pub(super) fn is_impact(&self) -> bool {
-        self.impact.is_some()
+        self.impact().is_some()
+    }
+
+    /// What plans have to know of.
+    fn impact(&self) -> Option<&Impact> {
+        self.likely.as_ref().filter(|_| !self.settles)
     }
 
     fn broken_by(&self, peak: &Peak) -> Option<Verdict> {
@@ -100,8 +104,8 @@ impl Beyond {
         } else {
             0.0
         };
-        let first = late + unsure + self.impact.map_or(0.0, |impact| impact.beyond);
-        let fastest = self.impact.map(|_| self.limit);
+        let first = late + unsure + self.impact().map_or(0.0, |impact| impact.beyond);
+        let fastest = self.impact().map(|_| self.limit);
         [Some(first).filter(|free| *free > 0.0), fastest].into_iter().flatten()
     }
 
@@ -114,9 +118,9 @@ impl Beyond {
         plan: &Plan<D>,
     ) -> Verdict {
         let (mut verdict, mut likely) = (verdict, self.pressed.force);
-        if let Some(swinging) = self.impact.or(self.rest) {
+        if let Some(swinging) = &self.likely {
             let peak = swinging.peak_under(settings, situation, plan);
-            if let Some(broken) = self.broken_by(&peak).filter(|_| self.impact.is_some()) {
+            if let Some(broken) = self.broken_by(&peak).filter(|_| !self.settles) {
                 return broken;
             }
             likely = peak.force;

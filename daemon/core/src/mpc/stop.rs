@@ -46,11 +46,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let start = situation.at_action(&settings, &ForceBounds::none());
         let twist_reference = &situation.sample.twist_reference;
         let excess = Excess::of(&settings, situation, &start.state);
-        if excess.by_axis.iter().all(|newtons| *newtons <= 0.0) {
+        if excess.largest() <= 0.0 {
             self.stuck_at = None;
         }
-        let leaving_weights = weights(surface, steps, SPEED_WEIGHT_TO_LEAVE);
-        let weights = if self.stuck_at.is_some() { leaving_weights } else { weights(surface, steps, 1.0) };
+        let weights_to_leave = weights(surface, steps, SPEED_WEIGHT_TO_LEAVE);
+        let weights = if self.stuck_at.is_some() { weights_to_leave } else { weights(surface, steps, 1.0) };
         let force_bounds = excess.bounds(self.stuck_at.as_ref());
         let mut constraints = settings.constraints(force_bounds, twist_reference, situation, &start.state);
         // Standstill, or as close to it as the limits of the offset allow.
@@ -105,15 +105,20 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             self.stuck_at = Some(excess.force);
             let mut leaving = prediction;
             leaving.constraints.force = excess.bounds(self.stuck_at.as_ref());
-            leaving.weights = &leaving_weights;
-            solution = self.solve(situation, &leaving, known_twist, expired).after(solution.iterations());
+            leaving.weights = &weights_to_leave;
+            let before = solution.iterations();
+            // Without an answer the plan that stands is still one.
+            solution = match self.solve(situation, &leaving, known_twist, expired) {
+                Solution::Failed { iterations } | Solution::Infeasible { iterations, .. } => solution.after(iterations),
+                second => second.after(before),
+            };
         }
         solution.shifted(start.delay, 0.0).with(&self.plan)
     }
 
-    /// Whether the arm stands above the limit, and would by this plan. Joints with unequal lags that start to move out first press a little
-    /// harder: that would be a larger violation than the present one, which nothing outweighs, and so the arm would stand
-    /// there for ever.
+    /// Whether the arm stands above the limit, and would go on to by this plan. Joints with unequal lags that start to
+    /// move out first press a little harder: that would be a larger violation than the present one, which nothing
+    /// outweighs, and so the arm would stand there for ever.
     fn is_stuck(&self, situation: &Situation<'_, N, D>, state: &State<N, D>, excess: &Excess<D>) -> bool {
         let surface = situation.belief.surface();
         let enough = STUCK * excess.speed(surface, self.settings.options.steps().iter().sum());
@@ -174,34 +179,40 @@ struct Excess<const D: usize> {
     signs: [f64; D],
     /// f_max in N.
     limit: SVector<f64, D>,
-    /// s·f_lin at the instant of action in N; 0 on axes that are not bounded.
+    /// s·f_lin at the instant of action in N.
     force: SVector<f64, D>,
-    /// s·f_lin − f_max in N; −∞ on axes that are not bounded.
-    by_axis: SVector<f64, D>,
 }
 
 impl<const D: usize> Excess<D> {
     fn of<const N: usize>(settings: &Settings<N, D>, situation: &Situation<'_, N, D>, state: &State<N, D>) -> Self {
         let (signs, wrench) = (situation.belief.normal_signs(), situation.model.linear_wrench(&state.joint_position));
-        let mut excess = Self {
-            signs: [0.0; D],
-            limit: settings.options.force_limit,
-            force: SVector::zeros(),
-            by_axis: SVector::repeat(f64::NEG_INFINITY),
-        };
+        let mut of_axis = [0.0; D];
         for axis in signs.axes(&settings.admittance) {
-            let sign = signs.sign(axis).unwrap_or(0.0);
-            excess.signs[axis] = sign;
-            excess.force[axis] = sign * wrench[axis];
-            excess.by_axis[axis] = excess.force[axis] - excess.limit[axis];
+            of_axis[axis] = signs.sign(axis).unwrap_or(0.0);
         }
-        excess
+        let force = SVector::from_fn(|axis, _| of_axis[axis] * wrench[axis]);
+        Self { signs: of_axis, limit: settings.options.force_limit, force }
+    }
+
+    /// Bounded axes.
+    fn axes(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..D).filter(|axis| self.signs[*axis] != 0.0)
+    }
+
+    /// s·f_lin − f_max of an axis, N.
+    fn on(&self, axis: usize) -> f64 {
+        self.force[axis] - self.limit[axis]
+    }
+
+    /// The largest of them, N.
+    fn largest(&self) -> f64 {
+        self.axes().map(|axis| self.on(axis)).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// f_max only; where a stop was stuck at a force, a little more than that.
     fn bounds(&self, stuck_at: Option<&SVector<f64, D>>) -> ForceBounds<D> {
         let mut bounds = ForceBounds::none();
-        for axis in (0..D).filter(|axis| self.by_axis[*axis] > f64::NEG_INFINITY) {
+        for axis in self.axes() {
             let leaves = stuck_at.map_or(0.0, |force| (1.0 + ROOM_TO_LEAVE) * force[axis]);
             let (minimum, maximum) = (f64::NEG_INFINITY, self.limit[axis].max(leaves));
             bounds.push(AxisBound { axis, sign: self.signs[axis], minimum, maximum });
@@ -212,8 +223,7 @@ impl<const D: usize> Excess<D> {
     /// Speed out of the surface in m/s at which all of it would be gone after `duration` s; 0 where there is none.
     fn speed(&self, surface: &Surface<D>, duration: f64) -> f64 {
         let by_depth = surface.stiffness * surface.normal;
-        let above = self.by_axis.iter().zip(by_depth.iter()).filter(|(excess, _)| **excess > 0.0);
-        let speeds = above.map(|(excess, by_depth)| excess / (by_depth.abs() * duration));
+        let speeds = self.axes().map(|axis| self.on(axis) / (by_depth[axis].abs() * duration));
         speeds.filter(|speed| speed.is_finite()).fold(0.0, f64::max)
     }
 }

@@ -73,6 +73,13 @@ pub(super) struct Between {
     pub(super) most: f64,
 }
 
+impl Between {
+    /// Whether some surface would be too hard to explain the touches.
+    pub(super) fn has_an_end(&self) -> bool {
+        self.most < HARDEST_N_M
+    }
+}
+
 impl FirstInstants {
     /// By the arm's way and the force (N) along the inward normal at its samples, of a link as it is told.
     pub(super) fn of(
@@ -157,10 +164,9 @@ impl Touches<'_> {
                 all.extend(left.into_iter().map(|left| left / size));
             }
             for (touch, _) in self.all.iter().zip(&self.variance) {
-                let gears = touch.link.gears * values[0].exp();
-                let series = stiffness_n_m / (1.0 + stiffness_n_m / gears);
+                let link = ImpactLink { gears: touch.link.gears * values[0].exp(), ..touch.link };
                 let by_all = ANOTHER * (self.all.len() as f64).sqrt();
-                all.push((series / touch.press.stiffness_n_m).ln() / by_all);
+                all.push((link.pressed(stiffness_n_m) / touch.press.stiffness_n_m).ln() / by_all);
             }
             all.extend(DEVIATIONS.iter().zip(values).map(|(deviation, value)| value / deviation));
             all.extend(values[DEVIATIONS.len()..].iter().map(|begins_m| begins_m / BEGINS_M));
@@ -252,11 +258,6 @@ mod tests {
     const LAG_S: f64 = 0.02;
     const LINK: ImpactLink = ImpactLink { mass: 5.0, gears: 6e4 };
 
-    /// What a press shows of this surface.
-    fn pressed(surface_n_m: f64) -> f64 {
-        surface_n_m / (1.0 + surface_n_m / LINK.gears)
-    }
-
     /// A touch of motors that come at a speed in m/s and stop, with the noise of a sample every 2 ms in N, as of a link that
     /// is told so many times as heavy and as stiff.
     fn touch(
@@ -271,8 +272,13 @@ mod tests {
         };
         let depths: Vec<(f64, f64)> =
             (0..=80).map(|of| f64::from(of) * 0.0005).map(|time_s| (time_s, at(time_s))).collect();
-        let press =
-            Press { stiffness_n_m: pressed(surface_n_m), begins_m: 0.0, lag_s: LAG_S, dead_time_s: 0.0, offset_n: 0.0 };
+        let press = Press {
+            stiffness_n_m: LINK.pressed(surface_n_m),
+            begins_m: 0.0,
+            lag_s: LAG_S,
+            dead_time_s: 0.0,
+            offset_n: 0.0,
+        };
         let shown: Vec<(f64, f64)> = (0..=20).map(|of| (f64::from(of) * 0.002, 0.0)).collect();
         let mut touch = FirstInstants { depths, shown, link: LINK, press };
         let truth: Vec<f64> = touch.left(surface_n_m, [0.0; 3], 0.0);
@@ -293,7 +299,7 @@ mod tests {
 
     #[test]
     fn the_interval_holds_a_surface_whose_gears_and_masses_are_told_as_a_maker_s_sheet_does() {
-        let (mut held, mut all, mut narrow) = (0, 0, 0);
+        let (mut held, mut all) = (0, 0);
         for surface_n_m in [3e4, 1e5, 4e5, 1e6] {
             for (seed, told) in [[1.0, 1.0], [1.1, 0.8], [0.9, 1.25], [1.1, 1.25], [0.9, 0.8]].into_iter().enumerate() {
                 let mut noise = normal_numbers(17 + seed as u64);
@@ -303,12 +309,14 @@ mod tests {
                 println!("{surface_n_m:.1e} N/m, told {told:?}: {found:?}");
                 let holds = (found.least..=found.most).contains(&surface_n_m);
                 (all, held) = (all + 1, held + u32::from(holds));
-                narrow += u32::from(surface_n_m > 4e4 || found.most < 3.0 * surface_n_m);
+                // Softer than its gears, it is the surface that gives.
+                let is_soft = surface_n_m < LINK.gears;
+                assert!(
+                    !is_soft || found.has_an_end() && found.most < 3.0 * surface_n_m,
+                    "no wider than needed: {found:?}"
+                );
             }
         }
-        assert!(
-            held >= 19 && all == 20 && narrow == 20,
-            "{held} of {all} hold the truth, {narrow} are no wider than needed"
-        );
+        assert!(held >= 19 && all == 20, "{held} of {all} hold the truth");
     }
 }

@@ -49,6 +49,11 @@ pub(super) fn unknown(config: &Config, found: &Found) -> Vec<Unknown> {
                    the joints' dead time";
         say(COMMAND_DELAY.what.to_owned(), why, "a touch under control");
     }
+    if found.impact_stiffness_n_m.is_some_and(|impact| !impact.has_an_end()) {
+        let why = "the touches are explained by ever harder surfaces too, behind gears that give";
+        let motion = "touches at 0.05 m/s and more, whose forces are ten times the noise within 20 ms";
+        say("how hard the surface may be in an impact".to_owned(), why, motion);
+    }
     let is_noted = is_noted(&STIFFNESS) || is_noted(&WRENCH_LAG) || is_noted(&WRENCH_DEAD_TIME);
     if found.stiffness_n_m.is_none() && !is_noted {
         let why = if found.touches.is_empty() {

@@ -33,8 +33,9 @@ config_section! {
         /// `admittancectl identify` finds it. Absent: the greatest that is told, without the part of it
         /// that the gears have.
         impact_stiffness_n_m: Option<f64>, unit "N/m", range 100.0..=1e8;
-        /// The hardest that the surface may be in an impact: a verdict is feasible only where it would be on that
-        /// too. `admittancectl identify` finds it. Absent: as the press and gears a quarter softer than told leave it.
+        /// The hardest that the surface may be in an impact, looked at where impact_stiffness_n_m is: a verdict is
+        /// feasible only where it would be on that too. `admittancectl identify` finds it. Absent: as the press and
+        /// gears a quarter softer than told leave it.
         most_impact_stiffness_n_m: Option<f64>, unit "N/m", range 100.0..=1e8;
         /// With a range: by how much the surface may be deeper or less deep at touch, along
         /// surface_normal, than the plane through contact_point_m. With normal_tolerance_rad the tilt

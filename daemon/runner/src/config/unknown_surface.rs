@@ -87,6 +87,12 @@ pub(super) fn check(environment: &EnvironmentSection, path: &str, errors: &mut V
             wants("stiffness_range_n_m", found(), format!("a range with {path}.normal_stiffness_n_m = {told:?} in it"));
         }
     }
+    if let (Some(likely), Some(most)) = (environment.impact_stiffness_n_m, environment.most_impact_stiffness_n_m)
+        && most < likely
+    {
+        let accepted = format!("at least {path}.impact_stiffness_n_m = {likely:?}, or absent");
+        wants("most_impact_stiffness_n_m", format!("{most:?}"), accepted);
+    }
     let is_unknown = environment.unknown_stiffness().is_some();
     // A range of length zero is there and yet none: that has to be said.
     let without_range = |value: &str| match environment.stiffness_range_n_m {
@@ -150,6 +156,20 @@ mod tests {
             let (errors, _) = detected(range);
             assert!(errors.contains("environment.stiffness_range_n_m") && errors.contains(accepted), "{errors}");
         }
+    }
+
+    #[test]
+    fn the_hardest_in_an_impact_is_no_softer_than_the_likeliest() {
+        let told = |likely: f64, most: f64| {
+            said(|environment| {
+                (environment.impact_stiffness_n_m, environment.most_impact_stiffness_n_m) = (Some(likely), Some(most));
+            })
+        };
+        assert_eq!(told(2e5, 2e5).0, "");
+        let (errors, _) = told(2e5, 1e5);
+        let whole = "environment.most_impact_stiffness_n_m = 100000.0: accepted: at least \
+                     environment.impact_stiffness_n_m = 200000.0, or absent";
+        assert!(errors.contains(whole), "{errors}");
     }
 
     #[test]

@@ -176,12 +176,10 @@ fn beside(cell: &Cell, told: &Table, contact: &Contact) -> Result<String, String
     let of = |told: &Table| -> Result<Vec<(&'static str, Option<f64>)>, String> {
         let config = run::config(told, contact, cell)?;
         let link = link_in_impact(&config, &cell.plant.start.joint_position_rad);
-        let pressed = link.map(|link| {
-            let surface = config.environment.impact_stiffness_n_m.unwrap_or(f64::NAN);
-            1.0 / (1.0 / surface + 1.0 / link.gears)
-        });
+        let surface = config.environment.impact_stiffness_n_m;
+        let pressed = link.zip(surface).map(|(link, surface)| link.pressed(surface));
         Ok(vec![
-            ("surface in an impact, N/m", config.environment.impact_stiffness_n_m),
+            ("surface in an impact, N/m", surface),
             ("gears along the normal, N/m", link.map(|link| link.gears)),
             ("both in series, N/m", pressed),
             ("effective mass, kg", link.map(|link| link.mass)),
