@@ -11,7 +11,6 @@ mod diagnostics;
 mod instance_lock;
 mod likeliest_stiffness;
 mod log;
-mod notifications;
 mod notify;
 #[doc(hidden)]
 pub mod probe;

@@ -7,6 +7,7 @@ use admittance_core::quantities::{Instant, Span};
 use admittance_core::supervisor::Ending;
 use admittance_host::clock::{monotonic_ns, sleep_until_ns};
 use admittance_host::exit::ExitCode;
+use admittance_host::notifications::Notifications;
 use admittance_host::realtime::{RealtimeSection, StepReport, go_real_time};
 use ipc_types::services::{self, Access};
 use ipc_types::{
@@ -16,7 +17,6 @@ use ipc_types::{
 
 use crate::arrival::ArrivalEstimate;
 use crate::channel::{Order, Outcome, RealtimeEnd, Replacement, Reply, Ticket};
-use crate::notifications::Notifications;
 use crate::probe::Probe;
 use admittance_runner::config::{Config, Wait};
 use admittance_runner::cycle::{Cycle, CycleReport};

@@ -7,6 +7,7 @@ pub mod cpu;
 pub mod exit;
 pub mod ipc_section;
 pub mod logging;
+pub mod notifications;
 pub mod output;
 pub mod readable;
 pub mod realtime;

@@ -1,19 +1,22 @@
-//! Blocking until the motion controller notifies: with the fewest system calls, and a time limit
+//! Blocking until the other side notifies: with the fewest system calls, and a time limit
 //! that is kept to the nanosecond. (iceoryx2's own `timed_wait` takes eight, four of them between
 //! waking up and looking, and rounds to the timer tick.)
 
-use admittance_host::clock::{monotonic_ns, sleep_until_ns};
 use iceoryx2::port::listener::ListenerWaitError;
 use iceoryx2::prelude::FileDescriptorBased;
 use ipc_types::Listener;
 
-/// The listener of the motion controller's notifications.
-pub(crate) struct Notifications {
+use crate::clock::{monotonic_ns, sleep_until_ns};
+
+/// What the other side sends when a sample of its own is there.
+#[derive(Debug)]
+pub struct Notifications {
     listener: Listener,
 }
 
 impl Notifications {
-    pub(crate) fn new(listener: Listener) -> Self {
+    /// Those that this listener gets.
+    pub fn new(listener: Listener) -> Self {
         Self { listener }
     }
 
@@ -22,7 +25,7 @@ impl Notifications {
     ///
     /// One may still be missed, when its notifier stands still between two instructions while this
     /// looks twice: a caller that must not be late by the whole timeout gives a shorter one.
-    pub(crate) fn block(&self, timeout: u64) -> bool {
+    pub fn block(&self, timeout: u64) -> bool {
         let begun = monotonic_ns();
         // A listener that has been notified and has not taken that yet is not sent anything more.
         // A notification in the middle of a take can leave exactly that, with an empty socket: to

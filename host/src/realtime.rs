@@ -56,7 +56,7 @@ pub const CPU_DMA_LATENCY: &str = "/dev/cpu_dma_latency";
 /// Makes process and calling thread real-time as the section asks: memory, idle states, and
 /// [`apply_to_thread`]. Call it when shared memory is mapped, so that the lock makes it present.
 pub fn go_real_time(section: &RealtimeSection) -> Vec<StepReport> {
-    let mut reports = vec![lock_memory(section), limit_wake_up_latency(section)];
+    let mut reports = vec![lock_memory(section), limit_wake_up_latency(section.cpu_dma_latency_us)];
     reports.extend(apply_to_thread(section));
     reports
 }
@@ -85,9 +85,9 @@ pub fn lock_memory(section: &RealtimeSection) -> StepReport {
     StepReport { step, outcome: outcome.map_or_else(StepOutcome::Refused, |()| StepOutcome::Done) }
 }
 
-/// Asks the kernel for idle states that wake in time, until the process ends.
-pub fn limit_wake_up_latency(section: &RealtimeSection) -> StepReport {
-    let Some(latency) = section.cpu_dma_latency_us else {
+/// Asks the kernel for idle states that wake within so many microseconds, until the process ends.
+pub fn limit_wake_up_latency(latency_us: Option<u32>) -> StepReport {
+    let Some(latency) = latency_us else {
         return StepReport { step: "limit wake-up latency".to_owned(), outcome: StepOutcome::NotRequested };
     };
     let request = || -> io::Result<()> {
@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn the_request_for_idle_states_lasts() {
-        let report = limit_wake_up_latency(&RealtimeSection { cpu_dma_latency_us: Some(1234), ..section() });
+        let report = limit_wake_up_latency(Some(1234));
         match report.outcome {
             StepOutcome::Done => {
                 let open = std::fs::read_dir("/proc/self/fd").expect("procfs").flatten();

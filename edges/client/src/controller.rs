@@ -2,7 +2,7 @@
 //! [`Controller::begin`], [`Controller::publish`], [`Controller::receive`] until the answer is there or due,
 //! [`Controller::apply`] whenever the joints are told what to follow, and [`Controller::make_ready`] in the slack.
 
-use ipc_types::{CommandSample, IpcSettings, MAX_JOINTS, StateSample};
+use ipc_types::{CommandSample, IpcSettings, Listener, MAX_JOINTS, StateSample};
 
 use crate::{Applied, LimitError, Limits, OpenError, Playback, Ports, Reception, Rejection, Slot};
 
@@ -148,6 +148,14 @@ impl Controller {
         let reception = self.playback.receive(&command, now_ns)?;
         self.newest = Some(command);
         Ok(Some(reception))
+    }
+
+    /// A listener that the daemon notifies of each answer, for who would rather wait for one than look for it.
+    ///
+    /// # Errors
+    /// [`OpenError`].
+    pub fn answers(&self) -> Result<Listener, OpenError> {
+        self.ports.answers()
     }
 
     /// Puts the commands in force that are due by `now_ns`, and says what the joints are to do.

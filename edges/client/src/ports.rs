@@ -2,7 +2,8 @@
 
 use ipc_types::services::{self, Access};
 use ipc_types::{
-    CommandSample, IpcSettings, Node, NodeError, Notifier, PortError, Publisher, ServiceError, StateSample, Subscriber,
+    CommandSample, Instance, IpcSettings, Listener, Node, NodeError, Notifier, PortError, Publisher, ServiceError,
+    StateSample, Subscriber,
 };
 
 /// Space for one state sample in shared memory.
@@ -14,6 +15,7 @@ pub struct Ports {
     states: Publisher<StateSample>,
     arrived: Notifier,
     commands: Subscriber<CommandSample>,
+    instance: Instance,
     node: Node,
 }
 
@@ -54,7 +56,8 @@ impl Ports {
         let state = services::state(&node, instance, create)?;
         let arrival = services::state_arrival(&node, instance, create)?;
         let command = services::command(&node, instance, create)?;
-        Ok(Self { states: state.publisher()?, arrived: arrival.notifier()?, commands: command.subscriber()?, node })
+        let (states, arrived, commands) = (state.publisher()?, arrival.notifier()?, command.subscriber()?);
+        Ok(Self { states, arrived, commands, instance: instance.clone(), node })
     }
 
     /// Space for the next state sample; `None` if there is none. It allocates, so do not call it
@@ -77,6 +80,14 @@ impl Ports {
     /// The newest command that has not been taken yet. It does not wait.
     pub fn command(&self) -> Option<CommandSample> {
         self.commands.receive().ok().flatten().map(|command| *command)
+    }
+
+    /// A listener that the daemon notifies of each command, for who would rather wait for one than look for it.
+    ///
+    /// # Errors
+    /// [`OpenError`].
+    pub fn answers(&self) -> Result<Listener, OpenError> {
+        Ok(services::command_arrival(&self.node, &self.instance, Access::OpenOrCreate)?.listener()?)
     }
 
     /// The node, for further services.

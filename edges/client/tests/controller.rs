@@ -6,7 +6,7 @@ mod common;
 use admittance_client::{Applied, Arm, Controller, ControllerError, Limits, OpenError, Reception, Rejection};
 use common::Private;
 use iceoryx2::prelude::ZeroCopySend;
-use ipc_types::services::{command, state};
+use ipc_types::services::{command, command_arrival, state};
 use ipc_types::{Access, CommandSample, ServiceError};
 
 const ARM: Arm = Arm { joint_count: 2, sampling_time_ns: 4_000_000, command_delay_ns: 250_000, limits: Limits::NONE };
@@ -47,6 +47,18 @@ fn a_cycle_numbers_its_sample_and_obeys_its_answer_at_the_instant_agreed() {
     commands.send_copy(of_another).unwrap();
     assert!(matches!(controller.receive(START_NS), Err(Rejection::JointCount { got: 6, expected: 2, .. })));
     assert_eq!(controller.newest().map(|command| command.sequence), Some(30));
+}
+
+#[test]
+fn answers_are_notified_of() {
+    let place = Private::new();
+    let daemon = place.node("daemon").unwrap();
+    let notifier = command_arrival(&daemon, &place.instance, Access::OpenOrCreate).unwrap().notifier().unwrap();
+    let controller = Controller::open(&place, "controller", &ARM, 7).unwrap();
+    let answers = controller.answers().unwrap();
+    assert_eq!(answers.try_wait(|_| {}), Ok(0), "none yet");
+    notifier.notify().unwrap();
+    assert_eq!(answers.try_wait(|_| {}), Ok(1));
 }
 
 #[test]

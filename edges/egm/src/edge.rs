@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use admittance_client::{Applied, Arm, Controller, ControllerError, LeadLimits, OpenError};
 use admittance_host::clock::{monotonic_ns, sleep_until_ns};
+use admittance_host::notifications::Notifications;
 use egm_messages::{EgmRobot, Message};
 use ipc_types::{IpcSettings, MAX_JOINTS, StateSample};
 
@@ -27,8 +28,8 @@ const UNHEARD_NS: u64 = 1_000_000_000;
 const LAST_ZEROS: u32 = 10;
 /// A signal ends the program after this time in ns at the latest, whatever the plan says.
 const LONGEST_FAREWELL_NS: u64 = 500_000_000;
-/// Time between two looks for the daemon's answer, ns.
-const POLL_NS: u64 = 30_000;
+/// Time in ns between two looks for the daemon's answer, of which it notifies: a notification may be missed.
+const LOOK_NS: u64 = 500_000;
 /// The longest wait for a datagram, ns: the watchdog is fed meanwhile.
 const LONGEST_WAIT_NS: u64 = 100_000_000;
 /// Datagrams in a row after which what is due is looked at: a flood keeps nobody from his zeros.
@@ -87,6 +88,7 @@ pub(crate) struct Edge {
     /// `None`: the robot's own program leads.
     leader: Option<Leader>,
     controller: Controller,
+    answers: Notifications,
     link: Link,
     stop: Arc<AtomicBool>,
     peer: Option<Peer>,
@@ -111,6 +113,7 @@ enum Outcome {
 impl Edge {
     pub(crate) fn new(setup: Setup, guide: Guide, link: Link, stop: Arc<AtomicBool>) -> Result<Self, EdgeError> {
         let controller = Controller::open(&setup.settings, "admittance-egm", &setup.arm, boot_id())?;
+        let answers = Notifications::new(controller.answers()?);
         let counts = Counts::default();
         let leader = setup.lead.map(|limits| Leader::open(&setup.settings, limits)).transpose()?;
         Ok(Self {
@@ -118,6 +121,7 @@ impl Edge {
             guide,
             leader,
             controller,
+            answers,
             link,
             stop,
             peer: None,
@@ -285,7 +289,8 @@ impl Edge {
             if now_ns >= until_ns {
                 return false;
             }
-            sleep_until_ns((now_ns + POLL_NS).min(until_ns));
+            // Two processes may share a processor: looking again and again would take it from the daemon.
+            self.answers.block(LOOK_NS.min(until_ns - now_ns));
         }
     }
 

@@ -1,7 +1,9 @@
 //! Touch, slide, stop and lift-off.
 
-use end_to_end::session::{ctl_command, output};
-use end_to_end::{Need, PATIENCE, needs, undisturbed};
+use std::process::Command;
+
+use end_to_end::session::{ctl_command, output, wait_for_log};
+use end_to_end::{Child, Need, PATIENCE, needs, undisturbed};
 use ipc_types::TruthSample;
 
 use crate::cell::{Cell, Files, MOST, fastest, peak};
@@ -68,6 +70,40 @@ fn the_answer_to_each_message_goes_out_before_the_next_one() {
         println!("{late} cycles without an answer: {said}{summary}");
         assert_eq!(late, 0, "cycles without an answer: {said}");
         assert!(summary.contains("; 0 without an answer in time, 0 answers not used"), "{log}");
+    });
+}
+
+/// Looking for it again and again would take the processor from a daemon that shares it.
+#[test]
+fn an_answer_is_waited_for_and_not_looked_for() {
+    if !needs(Need::Strace) || !needs(Need::Root) {
+        return;
+    }
+    undisturbed(|| {
+        let mut cell = Cell::of(&Files::patient().real_time());
+        let trace = cell.ipc.directory().join("trace");
+        let (edge, mut strace, mut cycles) = (cell.edge.id().to_string(), None, 0);
+        cell.run(&[("egm.jitter_s", "0.0")], |_, _, truth| {
+            let is_watched = (TOUCHES_S + 0.1..SLIDES_UNTIL_S).contains(&truth.scenario_time_s);
+            if is_watched && strace.is_none() {
+                let mut command = Command::new("strace");
+                let mut child = Child::spawn(command.arg("-o").arg(&trace).args(["-p", &edge]));
+                wait_for_log(&mut child, "attached");
+                strace = Some(child);
+            } else if is_watched {
+                cycles += 1;
+            } else if let Some(mut child) = strace.take_if(|_| truth.scenario_time_s >= SLIDES_UNTIL_S) {
+                child.signal(libc::SIGINT);
+                child.wait_for_exit(PATIENCE);
+            }
+        });
+        let text = std::fs::read_to_string(&trace).expect("strace wrote it");
+        let of = |what: &str| text.lines().filter(|line| line.contains(what)).count();
+        let (sent, slept, in_vain) = (of("sendto("), of("clock_nanosleep("), of("(Timeout)"));
+        println!("{cycles} cycles: {sent} sent, {slept} sleeps, {in_vain} waits in vain");
+        // The sample's notification and the robot's message.
+        assert!(cycles > 150 && sent > 3 * cycles / 2, "{sent} sent in {cycles} cycles");
+        assert!(slept < cycles / 10 && in_vain < cycles / 10, "{slept} sleeps, {in_vain} waits in vain");
     });
 }
 
