@@ -3,6 +3,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::fmt::{self, Display, Formatter};
+use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::panic::{self, AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -12,7 +13,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use admittance_host::clock::monotonic_ns;
-use admittance_host::realtime::{RealtimeSection, StepOutcome, apply_to_thread};
+use admittance_host::realtime::{CPU_DMA_LATENCY, RealtimeSection, StepOutcome, apply_to_thread};
 
 /// Runs that the machine may spoil.
 const TRIES: usize = 10;
@@ -67,11 +68,17 @@ struct Latest {
 struct Witness {
     latest: Arc<Latest>,
     threads: Vec<JoinHandle<()>>,
+    /// Keeps the processors awake where this user may: one that a virtual machine has given back
+    /// while it was idle can take milliseconds to return.
+    _awake: Option<File>,
 }
 
 impl Witness {
     /// Watches from now on.
     fn new() -> Self {
+        let awake = OpenOptions::new().write(true).open(CPU_DMA_LATENCY).ok();
+        // Refused, the run is only disturbed more often.
+        let _ = awake.as_ref().map(|mut latency| latency.write_all(&0_i32.to_ne_bytes()));
         let latest = Arc::<Latest>::default();
         let processors = std::thread::available_parallelism().map_or(1, usize::from) as u32;
         // Nothing is missed before the last of them looks at the clock.
@@ -86,7 +93,7 @@ impl Witness {
             .collect();
         drop(ready);
         all_ready.iter().for_each(drop);
-        Self { latest, threads }
+        Self { latest, threads, _awake: awake }
     }
 
     /// What the machine did up to now that may spoil a run; `None` when it did nothing of the kind.

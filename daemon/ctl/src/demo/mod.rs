@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use admittance_host::realtime::limit_wake_up_latency;
 use comfy_table::{CellAlignment, Table, presets};
 use indicatif::{ProgressBar, ProgressStyle};
 use ipc_types::TruthSample;
@@ -123,6 +124,8 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
             .map_err(|error| (Exit::Unavailable, format!("signal handlers: {error}")))?;
     }
     let interrupted = || interrupted.load(Ordering::Relaxed);
+    // A virtual machine is given an idle processor back late. Refused, runs are repeated more often.
+    limit_wake_up_latency(Some(0));
     let mut runs = Vec::new();
     for controller in CONTROLLERS {
         match quiet_run(controller, &scenario, &interrupted)? {

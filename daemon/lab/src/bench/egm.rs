@@ -14,7 +14,7 @@ use serde_json::json;
 use toml::{Table as Toml, Value};
 
 use super::jitter::figures::Durations;
-use super::jitter::{DAEMON_CPU, PLANT_CPU, PRIORITY, on_processor, refusals};
+use super::jitter::{DAEMON_CPU, PLANT_CPU, PRIORITY, on_processor, refusals, stay_awake};
 use admittancectl::session::Session;
 use admittancectl::{Exit, Outcome};
 
@@ -41,7 +41,8 @@ const GOAL_P99_US: f64 = 300.0;
 #[command(
     after_help = "Needs two processors, and SCHED_FIFO for figures that mean anything. The emulated robot of plant-sim has one, edge and \
     daemon have the other. Takes a little over twice the seconds given.\n\nreference: from a datagram to its echo. answer: from a \
-    robot's message to the answer to it, in contact. Both as the robot sees it, blocking until something comes.\n\nExit codes: 0 whatever the \
+    robot's message to the answer to it, in contact. Both as the robot sees it, blocking until something comes.\n\n\
+    Processors are kept awake meanwhile, as cyclictest does and realtime.cpu_dma_latency_us = 0 would.\n\nExit codes: 0 whatever the \
     figures are, 1 no answers, 75 machine too busy to hold contact, 77 measured without SCHED_FIFO for want of permission.\n\n\
     Examples:\n  admittance-lab bench egm\n  admittance-lab bench egm --seconds 60 --json"
 )]
@@ -59,6 +60,7 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
     if admittancectl::parallel::processors() < 2 {
         return Err((Exit::Unavailable, "bench egm needs two processors: one is the robot's".to_owned()));
     }
+    stay_awake();
     let refused = refusals();
     for why in &refused {
         eprintln!("admittance-lab: figures are those of a normal process: {why}");

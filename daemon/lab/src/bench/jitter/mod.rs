@@ -11,7 +11,9 @@ mod reference;
 mod round_trip;
 mod runs;
 
-use admittance_host::realtime::{RealtimeSection, StepOutcome, StepReport, apply_to_thread, lock_memory};
+use admittance_host::realtime::{
+    RealtimeSection, StepOutcome, StepReport, apply_to_thread, limit_wake_up_latency, lock_memory,
+};
 
 use admittancectl::Exit;
 use arms::Arm;
@@ -32,7 +34,8 @@ const BLOCKS: u32 = 4;
 #[command(
     after_help = "Needs two processors, and SCHED_FIFO for figures that mean anything. Takes a little over twice the seconds \
     given.\n\nreference: lateness of a loop that sleeps until each instant and does nothing. cycle: from the instant of a sample to \
-    its answer being visible to the plant. missed: instants after which either took longer than half a cycle.\n\nExit codes: 0 whatever the figures are, 1 no answers, 75 machine too busy to hold contact, 77 measured \
+    its answer being visible to the plant. missed: instants after which either took longer than half a cycle.\n\n\
+    Processors are kept awake meanwhile, as cyclictest does and realtime.cpu_dma_latency_us = 0 would.\n\nExit codes: 0 whatever the figures are, 1 no answers, 75 machine too busy to hold contact, 77 measured \
     without SCHED_FIFO for want of permission.\n\nExamples:\n  admittance-lab bench jitter --rate-hz 1000 --seconds 10\n  \
     admittance-lab bench jitter --rate-hz 4000 --seconds 60 --load --json\n  \
     admittance-lab bench jitter --arm six --directions 6 --seconds 60"
@@ -97,6 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         return Err((Exit::Usage, format!("--directions {directions}: this arm has {most}; accepted: 1 to {most}")));
     }
     let plan = Plan::of(args);
+    stay_awake();
     let refused = refusals();
     for why in &refused {
         eprintln!("admittance-lab: figures are those of a normal process: {why}");
@@ -150,6 +154,13 @@ fn section(cpu: u32) -> RealtimeSection {
         cpu: Some(cpu),
         cpu_dma_latency_us: None,
         require_realtime: false,
+    }
+}
+
+/// Keeps the processors awake until this process ends, as cyclictest does for what it measures.
+pub(super) fn stay_awake() {
+    if let StepOutcome::Refused(why) = limit_wake_up_latency(Some(0)).outcome {
+        eprintln!("admittance-lab: figures contain what idle processors take to wake up: {why}");
     }
 }
 
