@@ -151,6 +151,7 @@ impl Controller {
     }
 
     /// A listener that the daemon notifies of each answer, for who would rather wait for one than look for it.
+    /// It is dropped before this controller: the last to go clears up.
     ///
     /// # Errors
     /// [`OpenError`].

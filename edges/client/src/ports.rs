@@ -83,6 +83,7 @@ impl Ports {
     }
 
     /// A listener that the daemon notifies of each command, for who would rather wait for one than look for it.
+    /// It is dropped before these ports: the last to go clears up.
     ///
     /// # Errors
     /// [`OpenError`].

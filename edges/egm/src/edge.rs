@@ -87,8 +87,9 @@ pub(crate) struct Edge {
     guide: Guide,
     /// `None`: the robot's own program leads.
     leader: Option<Leader>,
-    controller: Controller,
+    /// Before the controller, whose node goes last.
     answers: Notifications,
+    controller: Controller,
     link: Link,
     stop: Arc<AtomicBool>,
     peer: Option<Peer>,

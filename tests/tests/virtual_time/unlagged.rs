@@ -163,9 +163,16 @@ fn the_force_guard_without_lag_takes_the_guard_that_is_told() {
     experiment.config.stopping.force_guard_n = None;
     let mut untold = |share: f64, run: &Run| {
         assert_eq!(run.stop_reason(), None, "no guard is told, contact at {share}");
-        assert!(run.counters.exceeded > 0 || run.peak(1) <= LIMIT, "counted all the same, contact at {share}");
+        // What is shown of a peak is nine tenths and more.
+        let peak = run.peak(1);
+        assert!(run.counters.exceeded > 0 || 0.9 * peak <= LIMIT, "{peak} N in silence, contact at {share}");
+        if run.counters.exceeded == 0 {
+            println!("not counted: {peak} N, contact at {share}");
+        }
     };
     experiment.at_instants(8, &mut untold);
+    // One of them is above the limit by less than is shown of it: it was found.
+    experiment.at_instants_of(248_218_030, 4, &mut untold);
     fresh(|seed| experiment.at_instants_of(seed, 4, &mut untold));
     // The largest force that is shown without lag stands between a guard that stops and one that doesn't.
     experiment.at_instants(8, |share, run| {
