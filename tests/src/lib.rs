@@ -25,6 +25,7 @@ mod private_ipc;
 pub mod python_package;
 pub mod session;
 mod stepped_clock;
+mod strace;
 mod systemd;
 mod terminal;
 
@@ -36,5 +37,6 @@ pub use machine::{certain, undisturbed};
 pub use needs::{ICEORYX2_PYTHON_VERSION, MCAP_PYTHON_VERSION, MUJOCO_PYTHON_VERSION, Need, needs, python, tunnel};
 pub use private_ipc::PrivateIpc;
 pub use stepped_clock::SteppedClock;
+pub use strace::Strace;
 pub use systemd::Systemd;
 pub use terminal::{Terminal, screen, take_terminal};

@@ -3,7 +3,6 @@
 
 use std::cell::{Cell, RefCell};
 use std::fmt::{self, Display, Formatter};
-use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::panic::{self, AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -13,7 +12,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use admittance_host::clock::monotonic_ns;
-use admittance_host::realtime::{CPU_DMA_LATENCY, RealtimeSection, StepOutcome, apply_to_thread};
+use admittance_host::realtime::{RealtimeSection, StepOutcome, apply_to_thread, limit_wake_up_latency};
 
 /// Runs that the machine may spoil.
 const TRIES: usize = 10;
@@ -68,17 +67,12 @@ struct Latest {
 struct Witness {
     latest: Arc<Latest>,
     threads: Vec<JoinHandle<()>>,
-    /// Keeps the processors awake where this user may: one that a virtual machine has given back
-    /// while it was idle can take milliseconds to return.
-    _awake: Option<File>,
 }
 
 impl Witness {
     /// Watches from now on.
     fn new() -> Self {
-        let awake = OpenOptions::new().write(true).open(CPU_DMA_LATENCY).ok();
-        // Refused, the run is only disturbed more often.
-        let _ = awake.as_ref().map(|mut latency| latency.write_all(&0_i32.to_ne_bytes()));
+        stay_awake();
         let latest = Arc::<Latest>::default();
         let processors = std::thread::available_parallelism().map_or(1, usize::from) as u32;
         // Nothing is missed before the last of them looks at the clock.
@@ -93,7 +87,7 @@ impl Witness {
             .collect();
         drop(ready);
         all_ready.iter().for_each(drop);
-        Self { latest, threads, _awake: awake }
+        Self { latest, threads }
     }
 
     /// What the machine did up to now that may spoil a run; `None` when it did nothing of the kind.
@@ -128,6 +122,13 @@ impl Display for Disturbance {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)
     }
+}
+
+/// Keeps the processors awake until this process ends, where it may: one that a virtual machine has given back while it
+/// was idle can take milliseconds to return. Refused, runs are only disturbed more often.
+fn stay_awake() {
+    static ASKED: Once = Once::new();
+    ASKED.call_once(|| drop(limit_wake_up_latency(Some(0))));
 }
 
 /// Watches a processor, or how threads at normal priority fare.

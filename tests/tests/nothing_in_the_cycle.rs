@@ -5,7 +5,6 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -16,7 +15,7 @@ use admittance_runner::cycle;
 use admittanced::probe::{ObservedThread, Probe};
 use end_to_end::closed_loop::{Experiment, MPC_DEFAULT};
 use end_to_end::session::{PAPER_SCENARIO, PATIENT, run_plant, start_daemon, wait_for_log, with_keys, write};
-use end_to_end::{Child, Need, PATIENCE, PrivateIpc, certain, needs, undisturbed};
+use end_to_end::{Child, Need, PATIENCE, PrivateIpc, Strace, certain, needs, undisturbed};
 use ipc_types::services::{self, Access};
 use ipc_types::{CommandSample, Mode, Motion, TruthSample};
 use plant_sim::plant::CycleTiming;
@@ -339,16 +338,11 @@ fn system_calls(wait: &str, told: Told) -> (BTreeMap<String, usize>, usize) {
         let _ = listener.try_wait(|_| {});
         let watched = truth.scenario_time_s >= 0.7 && truth.scenario_time_s < 3.0;
         if watched && strace.is_none() {
-            let mut command = Command::new("strace");
-            let mut child = Child::spawn(command.arg("-o").arg(&trace).args(["-p", &thread]));
-            wait_for_log(&mut child, "attached");
-            strace = Some(child);
+            strace = Some(Strace::attach(&thread, &trace));
         } else if watched {
             cycles += 1;
-        } else if let Some(mut child) = strace.take_if(|_| truth.scenario_time_s >= 3.0) {
-            child.signal(libc::SIGINT);
-            child.wait_for_exit(PATIENCE);
-            strace = None;
+        } else if truth.scenario_time_s >= 3.0 {
+            strace.take().map(Strace::detach);
         }
     });
     assert_never_held(&truths);

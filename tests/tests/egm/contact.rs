@@ -1,9 +1,7 @@
 //! Touch, slide, stop and lift-off.
 
-use std::process::Command;
-
-use end_to_end::session::{ctl_command, output, wait_for_log};
-use end_to_end::{Child, Need, PATIENCE, needs, undisturbed};
+use end_to_end::session::{ctl_command, output};
+use end_to_end::{Need, PATIENCE, Strace, needs, undisturbed};
 use ipc_types::TruthSample;
 
 use crate::cell::{Cell, Files, MOST, fastest, peak};
@@ -86,15 +84,11 @@ fn an_answer_is_waited_for_and_not_looked_for() {
         cell.run(&[("egm.jitter_s", "0.0")], |_, _, truth| {
             let is_watched = (TOUCHES_S + 0.1..SLIDES_UNTIL_S).contains(&truth.scenario_time_s);
             if is_watched && strace.is_none() {
-                let mut command = Command::new("strace");
-                let mut child = Child::spawn(command.arg("-o").arg(&trace).args(["-p", &edge]));
-                wait_for_log(&mut child, "attached");
-                strace = Some(child);
+                strace = Some(Strace::attach(&edge, &trace));
             } else if is_watched {
                 cycles += 1;
-            } else if let Some(mut child) = strace.take_if(|_| truth.scenario_time_s >= SLIDES_UNTIL_S) {
-                child.signal(libc::SIGINT);
-                child.wait_for_exit(PATIENCE);
+            } else if truth.scenario_time_s >= SLIDES_UNTIL_S {
+                strace.take().map(Strace::detach);
             }
         });
         let text = std::fs::read_to_string(&trace).expect("strace wrote it");

@@ -43,7 +43,7 @@ fn without_its_lag_the_estimate_shows_nearly_the_whole_peak_and_never_more() {
 /// a touch shows. Says whether it was stopped.
 fn is_stopped(run: &Run, what: &str, by_force: &mut u32) -> bool {
     let Some(reason) = run.stop_reason() else {
-        // Several inputs in a slow cycle keep some of these touches below the guard.
+        // Several inputs in a slow cycle keep some of these touches near the limit.
         let real = run.peak(0).max(run.peak(1));
         assert!(real <= LIMIT + GUARD, "{what}: {real} N, not stopped");
         assert!(real <= LIMIT + 0.5 || run.counters.exceeded > 0, "{what}: {real} N in silence");
@@ -63,6 +63,27 @@ fn is_stopped(run: &Run, what: &str, by_force: &mut u32) -> bool {
     true
 }
 
+/// Found by a fresh seed, and open: this one of its four touches at half speed is kept below the guard, and not stopped.
+#[test]
+fn a_touch_that_is_not_stopped_is_kept_below_the_guard_and_not_silent() {
+    let experiment = stiffer(0.004, 0.16, 5.0);
+    experiment.at_instants_of(481_702_324, 4, |share, run| {
+        is_stopped(run, &format!("contact at {share}"), &mut 0);
+    });
+}
+
+/// Found by a fresh seed, and open: a peak of 204 N is not counted where no guard is told.
+#[test]
+fn a_peak_that_is_not_counted_is_one_of_which_less_is_shown() {
+    let mut experiment = stiffer(0.004, 0.16, 5.0);
+    (experiment.config.stopping.mismatch_n, experiment.config.stopping.force_guard_n) = (None, None);
+    experiment.at_instants_of(248_218_030, 4, |share, run| {
+        let shown = peak_of(run, |at| at.report.wrench_without_lag);
+        println!("contact at {share}: {} N, {shown} N shown, {} counted", run.peak(1), run.counters.exceeded);
+        assert!(run.counters.exceeded > 0 || shown <= LIMIT + 0.5, "{shown} N shown in silence, contact at {share}");
+    });
+}
+
 /// docs/commissioning.md and docs/design.md say so of half of the speed that is accepted of the stiffness as told.
 #[test]
 fn a_stiffness_five_times_too_low_is_stopped_and_rests_at_a_low_force() {
@@ -77,28 +98,19 @@ fn a_stiffness_five_times_too_low_is_stopped_and_rests_at_a_low_force() {
             let mut each = |share: f64, run: &Run| {
                 let what = format!("{speed} m/s at {sampling_time} s, contact at {share}, inputs {inputs:?}");
                 let is_stopped = is_stopped(run, &what, &mut by_force);
-                // Several inputs in a slow cycle keep some of these touches below the guard.
-                assert!(is_stopped || inputs.is_none(), "{what}: not stopped");
+                // Several inputs in a slow cycle keep some of the slower ones near the limit.
+                assert!(is_stopped || (inputs.is_none() && speed < half), "{what}: not stopped");
                 peak = peak.max(run.peak(0)).max(run.peak(1));
                 (touches, stopped) = (touches + 1, stopped + u32::from(is_stopped));
-                is_stopped
             };
             experiment.at_instants(16, |share, run| {
-                assert!(each(share, run) || speed < half, "{share}: not stopped");
+                each(share, run);
                 assert!(
                     run.counters.exceeded > 0 || inputs.is_none(),
                     "{share}: one input a cycle leaves it clearly beyond the limit"
                 );
             });
-            // One of them is kept at 0.16 m/s: it was found.
-            experiment.at_instants_of(481_702_324, 4, |share, run| {
-                each(share, run);
-            });
-            fresh(|seed| {
-                experiment.at_instants_of(seed, 4, |share, run| {
-                    each(share, run);
-                })
-            });
+            fresh(|seed| experiment.at_instants_of(seed, 4, &mut each));
             println!("inputs {inputs:?}, {speed} m/s at {sampling_time} s: {stopped} stopped, at most {peak:.0} N");
             // The first peak is not spared: twice the limit.
             assert!(speed < half || inputs.is_some() || (1.9 * LIMIT..2.3 * LIMIT).contains(&peak), "{peak} N");
@@ -163,16 +175,9 @@ fn the_force_guard_without_lag_takes_the_guard_that_is_told() {
     experiment.config.stopping.force_guard_n = None;
     let mut untold = |share: f64, run: &Run| {
         assert_eq!(run.stop_reason(), None, "no guard is told, contact at {share}");
-        // What is shown of a peak is nine tenths and more.
-        let peak = run.peak(1);
-        assert!(run.counters.exceeded > 0 || 0.9 * peak <= LIMIT, "{peak} N in silence, contact at {share}");
-        if run.counters.exceeded == 0 {
-            println!("not counted: {peak} N, contact at {share}");
-        }
+        assert!(run.counters.exceeded > 0 || run.peak(1) <= LIMIT, "counted all the same, contact at {share}");
     };
     experiment.at_instants(8, &mut untold);
-    // One of them is above the limit by less than is shown of it: it was found.
-    experiment.at_instants_of(248_218_030, 4, &mut untold);
     fresh(|seed| experiment.at_instants_of(seed, 4, &mut untold));
     // The largest force that is shown without lag stands between a guard that stops and one that doesn't.
     experiment.at_instants(8, |share, run| {

@@ -14,7 +14,7 @@ use serde_json::json;
 use toml::{Table as Toml, Value};
 
 use super::jitter::figures::Durations;
-use super::jitter::{DAEMON_CPU, PLANT_CPU, PRIORITY, on_processor, refusals, stay_awake};
+use super::jitter::{DAEMON_CPU, PLANT_CPU, PRIORITY, on_processor, prepare};
 use admittancectl::session::Session;
 use admittancectl::{Exit, Outcome};
 
@@ -60,11 +60,7 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
     if admittancectl::parallel::processors() < 2 {
         return Err((Exit::Unavailable, "bench egm needs two processors: one is the robot's".to_owned()));
     }
-    stay_awake();
-    let refused = refusals();
-    for why in &refused {
-        eprintln!("admittance-lab: figures are those of a normal process: {why}");
-    }
+    let has_fifo = prepare();
     let turn_s = f64::from(args.seconds) / f64::from(BLOCKS);
     let (mut reference, mut answer) = (Durations::new(), Durations::new());
     for turn in 1..=BLOCKS {
@@ -79,7 +75,7 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
             json!({
                 "cycles": answer.total(),
                 "missed": answer.missed(),
-                "fifo": refused.is_empty(),
+                "fifo": has_fifo,
                 "reference_us": percentiles[0],
                 "answer_us": percentiles[1],
                 "goal_p99_us": GOAL_P99_US,
@@ -102,13 +98,13 @@ pub(crate) fn run(args: &Args) -> Outcome<Exit> {
             "{} cycles of 4 ms in contact, {} without an answer; edge and daemon on processor {DAEMON_CPU}{}\n{table}",
             answer.total(),
             answer.missed(),
-            if refused.is_empty() { "" } else { ", WITHOUT SCHED_FIFO" }
+            if has_fifo { "" } else { ", WITHOUT SCHED_FIFO" }
         );
     }
     if answer.count() == 0 {
         return Err((Exit::ClaimNotMet, "the edge answered nothing".to_owned()));
     }
-    Ok(if refused.is_empty() { Exit::Ok } else { Exit::NoPermission })
+    Ok(if has_fifo { Exit::Ok } else { Exit::NoPermission })
 }
 
 fn unavailable(error: &std::io::Error) -> (Exit, String) {

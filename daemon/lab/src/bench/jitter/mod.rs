@@ -100,11 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         return Err((Exit::Usage, format!("--directions {directions}: this arm has {most}; accepted: 1 to {most}")));
     }
     let plan = Plan::of(args);
-    stay_awake();
-    let refused = refusals();
-    for why in &refused {
-        eprintln!("admittance-lab: figures are those of a normal process: {why}");
-    }
+    let has_fifo = prepare();
     let load = args.load.then(Load::start).transpose()?;
     let runs = Runs::new(plan);
     let (mut reference, mut cycle) = (Durations::new(), Durations::new());
@@ -125,7 +121,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         rate_hz: plan.rate_hz,
         budget_us: plan.budget as f64 * 1e-3,
         load: args.load,
-        has_fifo: refused.is_empty(),
+        has_fifo,
         reference,
         cycle,
         parts,
@@ -143,7 +139,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
     if figures.cycle.count() == 0 {
         return Err((Exit::ClaimNotMet, "the daemon answered nothing".to_owned()));
     }
-    Ok(if refused.is_empty() { Exit::Ok } else { Exit::NoPermission })
+    Ok(if has_fifo { Exit::Ok } else { Exit::NoPermission })
 }
 
 /// How a thread of this process that measures runs on this processor.
@@ -157,22 +153,23 @@ fn section(cpu: u32) -> RealtimeSection {
     }
 }
 
-/// Keeps the processors awake until this process ends, as cyclictest does for what it measures.
-pub(super) fn stay_awake() {
-    if let StepOutcome::Refused(why) = limit_wake_up_latency(Some(0)).outcome {
-        eprintln!("admittance-lab: figures contain what idle processors take to wake up: {why}");
-    }
-}
-
-/// The real-time rights that this process lacks.
-pub(super) fn refusals() -> Vec<String> {
-    let mut reports = vec![lock_memory(&section(DAEMON_CPU))];
-    reports.extend(std::thread::spawn(|| apply_to_thread(&section(DAEMON_CPU))).join().unwrap_or_default());
+/// Keeps the processors awake until this process ends, as cyclictest does for what it measures, and locks its memory; says
+/// what is refused. Whether this process may be real-time.
+pub(super) fn prepare() -> bool {
     let refused = |report: StepReport| match report.outcome {
         StepOutcome::Refused(why) => Some(format!("{}: {why}", report.step)),
         StepOutcome::Done | StepOutcome::NotRequested => None,
     };
-    reports.into_iter().filter_map(refused).collect()
+    if let Some(why) = refused(limit_wake_up_latency(Some(0))) {
+        eprintln!("admittance-lab: figures contain what idle processors take to wake up: {why}");
+    }
+    let mut reports = vec![lock_memory(&section(DAEMON_CPU))];
+    reports.extend(std::thread::spawn(|| apply_to_thread(&section(DAEMON_CPU))).join().unwrap_or_default());
+    let refusals: Vec<String> = reports.into_iter().filter_map(refused).collect();
+    for why in &refusals {
+        eprintln!("admittance-lab: figures are those of a normal process: {why}");
+    }
+    refusals.is_empty()
 }
 
 /// `work` on a real-time thread on this processor; where that is refused, on a normal one.
