@@ -341,8 +341,8 @@ fn system_calls(wait: &str, told: Told) -> (BTreeMap<String, usize>, usize) {
             strace = Some(Strace::attach(&thread, &trace));
         } else if watched {
             cycles += 1;
-        } else if truth.scenario_time_s >= 3.0 {
-            strace.take().map(Strace::detach);
+        } else if let Some(strace) = strace.take_if(|_| truth.scenario_time_s >= 3.0) {
+            strace.detach();
         }
     });
     assert_never_held(&truths);

@@ -87,8 +87,8 @@ fn an_answer_is_waited_for_and_not_looked_for() {
                 strace = Some(Strace::attach(&edge, &trace));
             } else if is_watched {
                 cycles += 1;
-            } else if truth.scenario_time_s >= SLIDES_UNTIL_S {
-                strace.take().map(Strace::detach);
+            } else if let Some(strace) = strace.take_if(|_| truth.scenario_time_s >= SLIDES_UNTIL_S) {
+                strace.detach();
             }
         });
         let text = std::fs::read_to_string(&trace).expect("strace wrote it");
