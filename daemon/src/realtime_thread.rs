@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, Sender};
 
 use admittance_core::quantities::{Instant, Span};
 use admittance_core::supervisor::Ending;
-use admittance_host::clock::{monotonic_ns, sleep_until_ns};
+use admittance_host::clock::{monotonic_ns, pause, sleep_until_ns};
 use admittance_host::exit::ExitCode;
 use admittance_host::notifications::Notifications;
 use admittance_host::realtime::{RealtimeSection, StepReport, go_real_time};
@@ -234,7 +234,7 @@ impl<P: Probe> Loop<'_, P> {
             Wait::Spin => {
                 let silent = self.timing.max_sample_age;
                 if self.arrival.next().is_some_and(|due| now < due.saturating_add(silent)) {
-                    return std::hint::spin_loop();
+                    return pause();
                 }
             }
             Wait::Event => {}
@@ -245,7 +245,7 @@ impl<P: Probe> Loop<'_, P> {
                 if let Some(due) = self.arrival.next().filter(|due| now < due.saturating_add(spin)) {
                     let from = due.saturating_sub(spin);
                     self.arrival.look(now < from);
-                    return if now < from { sleep_until_ns(from) } else { std::hint::spin_loop() };
+                    return if now < from { sleep_until_ns(from) } else { pause() };
                 }
             }
         }

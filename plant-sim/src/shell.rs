@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use admittance_client::{LeadRefusal, Led, Ports};
 use admittance_core::quantities::Span;
-use admittance_host::clock::{monotonic_ns, sleep_then_spin_until_ns, sleep_until_ns};
+use admittance_host::clock::{monotonic_ns, pause, sleep_then_spin_until_ns, sleep_until_ns};
 use admittance_host::config::{self, LoadError};
 use admittance_host::exit::ExitCode;
 use admittance_host::output::{fatal, report_panics, say_line, until_unread};
@@ -263,7 +263,7 @@ fn cycle(ports: &Ports, plant: &mut dyn AnyPlant, sampling_time: u64, delay: u64
         if now > stamp + delay {
             sleep_until_ns((now + LATE_POLL_NS).min(give_up));
         } else {
-            std::hint::spin_loop();
+            pause();
         }
     }
 }

@@ -147,6 +147,21 @@ fn combined<const N: usize>(x: &[f64; N], matrix: &[SimdVector<N>; N]) -> SimdVe
     (0..N).fold(SimdVector::ZERO, |sum, n| SimdVector::splat(x[n]).times_plus(matrix[n], sum))
 }
 
+/// Writes what belongs to four steps, given by input; the inputs of a step are adjacent. At the end of a row there may be
+/// fewer steps.
+#[inline(always)]
+fn put<const M: usize>(by_input: &[f64x4; M], steps: &mut [[f64; M]]) {
+    for first in (0..M).step_by(LANES) {
+        let count = (M - first).min(LANES);
+        // Beyond the last input anything will do.
+        let inputs = core::array::from_fn(|a| by_input[first + a.min(count - 1)]);
+        let by_step = f64x4::transpose(inputs).map(f64x4::to_array);
+        for (step, values) in steps.iter_mut().zip(&by_step) {
+            step[first..first + count].copy_from_slice(&values[..count]);
+        }
+    }
+}
+
 /// Writes the rows of H into `hessian`, rows `stride` apart; values left of the diagonal, or beyond
 /// the inputs, may be anything.
 // Kept out of its callers: inlined together they would run out of registers.
@@ -171,12 +186,6 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize, const C: usi
     let has_position = on_position.iter().flatten().any(|weight| *weight != 0.0);
     let axes = prediction.wrench_axes.as_slice();
     let gradients = rows.model.wrench_gradient.data.0;
-    // V over the columns of four steps: M groups of columns, the joints of a group together.
-    let inputs: [[Group; N]; M] = core::array::from_fn(|group| {
-        core::array::from_fn(|joint| {
-            core::array::from_fn(|lane| rows.inputs.columns[(group * LANES + lane) % M][joint])
-        })
-    });
     for i in 0..h {
         // λ of q and of each c, for a reference of 1 rad/s of each joint.
         let mut position = [SimdVector::<N>::ZERO; N];
@@ -239,15 +248,15 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize, const C: usi
                         sums[n] = f64x4::new(estimates[n]).mul_add(f64x4::splat(by_estimate[n]), sums[n]);
                     }
                 }
-                let sums = sums.map(f64x4::to_array);
-                for (part, (place, inputs)) in places.iter_mut().zip(&inputs).enumerate() {
-                    let mut sum = f64x4::ZERO;
-                    for n in 0..N {
-                        // The inputs of a step are adjacent: one column here is M columns there.
-                        let spread: Group = core::array::from_fn(|lane| sums[n][(part * LANES + lane) / M]);
-                        sum = f64x4::new(spread).mul_add(f64x4::new(inputs[n]), sum);
-                    }
-                    *place = sum.to_array();
+                let columns: [f64x4; M] = core::array::from_fn(|b| {
+                    let by_joint = sums.iter().zip(&rows.inputs.columns[b]);
+                    by_joint.fold(f64x4::ZERO, |sum, (&moved, &v)| moved.mul_add(f64x4::splat(v), sum))
+                });
+                let steps = places.as_flattened_mut().as_chunks_mut().0;
+                // Four are moved without a loop over memory.
+                match steps.first_chunk_mut::<LANES>() {
+                    Some(steps) => put(&columns, steps),
+                    None => put(&columns, steps),
                 }
             }
             row[index] += prediction.input_weight[prediction.inputs.as_slice()[a]] * rows.horizon.share(i);
