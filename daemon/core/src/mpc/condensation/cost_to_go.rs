@@ -147,8 +147,8 @@ fn combined<const N: usize>(x: &[f64; N], matrix: &[SimdVector<N>; N]) -> SimdVe
     (0..N).fold(SimdVector::ZERO, |sum, n| SimdVector::splat(x[n]).times_plus(matrix[n], sum))
 }
 
-/// Writes what belongs to four steps, given by input; the inputs of a step are adjacent. At the end of a row there may be
-/// fewer steps.
+/// Writes what belongs to four steps, given by input; the inputs of a step are adjacent. At the end of a row there may
+/// be fewer steps.
 #[inline(always)]
 fn put<const M: usize>(by_input: &[f64x4; M], steps: &mut [[f64; M]]) {
     for first in (0..M).step_by(LANES) {
