@@ -147,10 +147,9 @@ fn combined<const N: usize>(x: &[f64; N], matrix: &[SimdVector<N>; N]) -> SimdVe
     (0..N).fold(SimdVector::ZERO, |sum, n| SimdVector::splat(x[n]).times_plus(matrix[n], sum))
 }
 
-/// Writes what belongs to four steps, given by input; the inputs of a step are adjacent. At the end of a row there may
-/// be fewer steps.
+/// Writes numbers that are given by input, for four steps each, so that the inputs of a step are adjacent.
 #[inline(always)]
-fn put<const M: usize>(by_input: &[f64x4; M], steps: &mut [[f64; M]]) {
+fn interleave<const M: usize>(by_input: &[f64x4; M], steps: &mut [[f64; M]]) {
     for first in (0..M).step_by(LANES) {
         let count = (M - first).min(LANES);
         // Beyond the last input anything will do.
@@ -253,10 +252,10 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize, const C: usi
                     by_joint.fold(f64x4::ZERO, |sum, (&moved, &v)| moved.mul_add(f64x4::splat(v), sum))
                 });
                 let steps = places.as_flattened_mut().as_chunks_mut().0;
-                // Four are moved without a loop over memory.
+                // Of a known number they stay in registers; at the end of a row there may be fewer.
                 match steps.first_chunk_mut::<LANES>() {
-                    Some(steps) => put(&columns, steps),
-                    None => put(&columns, steps),
+                    Some(steps) => interleave(&columns, steps),
+                    None => interleave(&columns, steps),
                 }
             }
             row[index] += prediction.input_weight[prediction.inputs.as_slice()[a]] * rows.horizon.share(i);
