@@ -34,6 +34,7 @@ pub mod session;
 mod simulate;
 pub mod target;
 mod top;
+mod turn;
 pub mod validate;
 pub mod virtual_recording;
 

@@ -16,6 +16,7 @@ use time::OffsetDateTime;
 use crate::Exit;
 use crate::recording::{RecordingWriter, cause, create};
 use crate::target::Target;
+use crate::turn::{TURN, waiting};
 
 /// Time between two reads: far below what the service's buffer holds.
 const POLL: Duration = Duration::from_millis(5);
@@ -132,9 +133,14 @@ impl<W: Write> Recorder<W> {
         let (mut heard, mut is_silent) = (Instant::now(), false);
         loop {
             let ends = is_over();
-            while let Ok(Some(record)) = records.receive() {
+            // What had come before the end is still written.
+            let [of_records, of_truths] = [services::RECORD.qos, services::TRUTH.qos]
+                .map(|qos| if ends { qos.subscriber_max_buffer_size } else { TURN });
+            let mut taken = 0;
+            for record in waiting(records, of_records) {
                 self.take(&record)?;
                 (heard, is_silent) = (Instant::now(), false);
+                taken += 1;
             }
             if !is_silent && heard.elapsed() >= SILENT {
                 is_silent = true;
@@ -147,8 +153,9 @@ impl<W: Write> Recorder<W> {
                 truths = service.and_then(|service| service.subscriber().ok());
             }
             if let Some(truths) = &truths {
-                while let Ok(Some(truth)) = truths.receive() {
+                for truth in waiting(truths, of_truths) {
                     self.writer.truth(&truth)?;
+                    taken += 1;
                 }
             }
             if flushed.elapsed() >= CHUNK {
@@ -158,7 +165,9 @@ impl<W: Write> Recorder<W> {
             if ends {
                 return Ok(());
             }
-            std::thread::sleep(POLL);
+            if taken < TURN {
+                std::thread::sleep(POLL);
+            }
         }
     }
 

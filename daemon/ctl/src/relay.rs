@@ -13,6 +13,7 @@ use ipc_types::{IpcSettings, Publisher, Subscriber, WireSample};
 use crate::Exit;
 use crate::diagnostics::subscribe;
 use crate::target::Target;
+use crate::turn::{TURN, waiting};
 
 /// Time between two looks: far below what waits in the daemon's buffer of records (a second at 4 kHz), and no more at once than the
 /// tunnel bears (64).
@@ -48,10 +49,10 @@ struct Line<T: WireSample + Copy> {
 }
 
 impl<T: WireSample + Copy> Line<T> {
-    /// Hands on what waits; whether there was something. What cannot be sent shows to readers as a gap.
+    /// Hands on a turn of what waits; whether there was something. What cannot be sent shows to readers as a gap.
     fn hand_on(&mut self) -> bool {
         let before = self.count;
-        while let Ok(Some(sample)) = self.from.receive() {
+        for sample in waiting(&self.from, TURN) {
             self.count += u64::from(self.to.send_copy(*sample).is_ok());
         }
         self.count > before

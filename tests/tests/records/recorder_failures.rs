@@ -1,7 +1,14 @@
 //! A recorder that is killed, or cannot write.
 
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Barrier;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
 use end_to_end::session::{ctl_command, output, run_plant, start_daemon, write};
-use end_to_end::{PATIENCE, PrivateIpc, undisturbed};
+use end_to_end::{Child, PATIENCE, PrivateIpc, undisturbed};
+use ipc_types::RecordSample;
+use ipc_types::services::{self, Access};
 
 use crate::python_reader::read_with_python;
 use crate::{number_before, paper_scenario, patient_default, replay, start_recorder};
@@ -59,5 +66,57 @@ fn a_recorder_that_cannot_write_says_so_and_the_daemon_goes_on() {
         assert_eq!((code, text.contains("not an MCAP file")), (Some(65), true), "{text}");
         daemon.terminate();
         assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
+    });
+}
+
+/// Its disk may be slow, or the machine busy: an end, and a chunk in time, need a look at the clock between two records.
+#[test]
+fn a_recorder_to_which_records_come_faster_than_it_writes_ends_when_it_should() {
+    let ipc = PrivateIpc::new("planar");
+    let config = write(&ipc, "daemon.toml", &patient_default());
+    let settings = ipc.settings();
+    let (is_over, is_ready) = (AtomicBool::new(false), Barrier::new(2));
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let node = settings.node("test").expect("a node");
+            let service = services::record(&node, &settings.instance, Access::OpenOrCreate).expect("a service");
+            let publisher = service.publisher().expect("there is no daemon");
+            is_ready.wait();
+            // A hundred in a millisecond, which nothing turns into JSON.
+            for sequence in 1.. {
+                if is_over.load(Ordering::Relaxed) {
+                    break;
+                }
+                let _ = publisher.send_copy(RecordSample { boot_id: 1, sequence, ..RecordSample::zeroed() });
+                if sequence % 100 == 0 {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+            }
+        });
+        is_ready.wait();
+        let end = |mut recorder: Child| {
+            let status = recorder.wait_for_exit(PATIENCE);
+            (status.code(), recorder.stdout(), recorder.stderr())
+        };
+        let ended = catch_unwind(AssertUnwindSafe(|| {
+            let file = |name: &str| ipc.directory().join(name);
+            let mut by_time = ctl_command(&ipc, "record", &config);
+            let by_time = end(Child::spawn(by_time.arg(file("seconds.mcap")).args(["--seconds", "0.5"])));
+            let mut recorder = start_recorder(&ipc, &config, &file("signal.mcap"));
+            // Its first chunk after the beginning: a kill would leave that.
+            let begun = std::fs::metadata(file("signal.mcap")).expect("it is there").len();
+            recorder.wait_until("a chunk", PATIENCE, |_| {
+                std::fs::metadata(file("signal.mcap")).is_ok_and(|now| now.len() > begun + 10_000)
+            });
+            recorder.signal(libc::SIGINT);
+            [by_time, end(recorder)]
+        }));
+        is_over.store(true, Ordering::Relaxed);
+        for (code, said, remarks) in ended.unwrap_or_else(|failure| resume_unwind(failure)) {
+            println!("{said}");
+            assert!(code == Some(0) && number_before(&said, " records;") > 0, "{code:?} {said}");
+            assert!(number_before(&format!("{} end", said.trim()), " end") > 0, "they came too fast: {said}");
+            assert!(remarks.contains("gap: "), "{remarks}");
+        }
     });
 }
