@@ -7,7 +7,7 @@ use std::io::Write;
 use std::panic::{self, AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, Once};
+use std::sync::{Arc, Mutex, Once, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -33,6 +33,8 @@ thread_local! {
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
     /// The run on this thread checks what no machine excuses.
     static CERTAIN: Cell<bool> = const { Cell::new(false) };
+    /// Who watches the run on this thread.
+    static WATCHED: RefCell<Option<Arc<Latest>>> = const { RefCell::new(None) };
 }
 
 /// Notes a disturbance that the run on this thread has seen itself.
@@ -48,6 +50,17 @@ pub fn certain<T>(check: impl FnOnce() -> T) -> T {
     value
 }
 
+/// Whether a processor was away in this stretch of the run on this thread (ns of CLOCK_MONOTONIC) for so long that no answer could have
+/// come from it in time. It tells of stretches that are over, and is for runs of so many cycles that there is none without.
+pub fn was_away_within(from_ns: u64, until_ns: u64) -> bool {
+    WATCHED.with_borrow(|watched| {
+        let Some(latest) = watched else { return false };
+        let stretches = latest.away.lock().unwrap_or_else(PoisonError::into_inner);
+        !latest.is_refused.load(Ordering::Relaxed)
+            && stretches.iter().any(|(from, until)| *from < until_ns && *until > from_ns)
+    })
+}
+
 /// What the threads of a [`Witness`] see.
 #[derive(Debug, Default)]
 struct Latest {
@@ -55,6 +68,8 @@ struct Latest {
     taken_ns: AtomicU64,
     /// Longest delay in ns of a thread at normal priority.
     delayed_ns: AtomicU64,
+    /// When a processor was taken away for longer than [`TAKEN_NS`], ns.
+    away: Mutex<Vec<(u64, u64)>>,
     /// A thread did not get its priority or processor: its delays say nothing of a processor.
     is_refused: AtomicBool,
     end: AtomicBool,
@@ -145,7 +160,11 @@ fn watch(cpu: Option<u32>, ready: Sender<()>, latest: &Latest) {
     while !latest.end.load(Ordering::Relaxed) {
         std::thread::sleep(PERIOD);
         let now = monotonic_ns();
-        most_ns.fetch_max((now - before).saturating_sub(PERIOD.as_nanos() as u64), Ordering::Relaxed);
+        let late_ns = (now - before).saturating_sub(PERIOD.as_nanos() as u64);
+        most_ns.fetch_max(late_ns, Ordering::Relaxed);
+        if cpu.is_some() && late_ns > TAKEN_NS {
+            latest.away.lock().unwrap_or_else(PoisonError::into_inner).push((before, now));
+        }
         before = now;
     }
 }
@@ -215,6 +234,7 @@ pub fn undisturbed<T>(mut run: impl FnMut() -> T) -> Option<T> {
         NOTED.set(None);
         CERTAIN.set(false);
         let witness = Witness::new();
+        WATCHED.set(Some(Arc::clone(&witness.latest)));
         let result = catch_unwind(AssertUnwindSafe(&mut run));
         let disturbance = witness.disturbance();
         let failure = match result {
@@ -286,6 +306,25 @@ mod tests {
             })
         }));
         assert!(result.is_err() && runs == 1, "no machine excuses that");
+    }
+
+    #[test]
+    fn it_tells_when_a_processor_was_away() {
+        if !crate::needs(crate::Need::Root) {
+            return;
+        }
+        undisturbed(|| {
+            let begun = monotonic_ns();
+            std::thread::sleep(Duration::from_millis(20));
+            let taken = monotonic_ns();
+            take_processor(Duration::from_millis(20));
+            std::thread::sleep(2 * PERIOD);
+            let over = monotonic_ns();
+            assert!(was_away_within(taken, over));
+            // Which the machine may have taken away by itself.
+            assert!(!was_away_within(begun, taken - PERIOD.as_nanos() as u64));
+            assert!(!was_away_within(over, over + 1));
+        });
     }
 
     #[test]
