@@ -34,6 +34,13 @@ impl<const D: usize> Thresholds<D> {
         beyond
     }
 
+    /// The same for a surface that the samples show: an axis joins halfway between release and β. Below that a tool whose
+    /// weight is told wrongly may feign a force, or hide one.
+    #[must_use]
+    pub(super) fn where_noticed(&self) -> Self {
+        Self { activation: (self.release + self.activation) * 0.5, ..*self }
+    }
+
     /// Which axes feel a force above β in `wrench` (N, N·m).
     pub(crate) fn felt(&self, wrench: &SVector<f64, D>) -> Felt<D> {
         let sign = |axis: usize| {

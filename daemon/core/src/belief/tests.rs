@@ -3,7 +3,8 @@
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use super::{Belief, Contact, ContactPoint, ContactSign, SurfaceSigns, Thresholds};
+use super::way::Piece;
+use super::{Belief, Contact, ContactPoint, ContactSign, Prior, SurfaceSigns, Thresholds, Way};
 use crate::common::{self, CYCLE, STIFFNESS, pressing};
 use crate::intake::{Accepted, Event, Intake, Sample};
 use crate::parameters::Parameters;
@@ -193,4 +194,41 @@ fn what_is_felt_changes_nothing_by_itself() {
     let before = (belief.snapshot(), *belief.contact());
     assert!(belief.felt(&Vector2::new(0.0, -8.0), &Matrix2::zeros()).is_any());
     assert_eq!((belief.snapshot(), *belief.contact()), before);
+}
+
+/// The largest f̂ in N on an axis when a contact begins, of an arm that moves in at 60 mm/s and touches in the middle of a
+/// cycle; `None` where it has not begun at the second sample after that. An axis leaves below `release` N.
+fn felt_at_first(contact_point: ContactPoint, release: f64) -> Option<f64> {
+    let mut told = parameters(contact_point);
+    told.thresholds.release.fill(release);
+    let mut belief = Belief::new(told.belief());
+    let (lag, cycle, speed) = (0.020, CYCLE as f64 * 1e-9, 0.06);
+    let begins = -told.surface.height(&told.surface.contact.position);
+    let mut estimate = 0.0;
+    (1..=22_u64).find_map(|sequence| {
+        let depth = |share: f64| speed * cycle * (sequence as f64 - 20.5 + share);
+        for step in 0..1000 {
+            let force = STIFFNESS * depth((f64::from(step) + 0.5) / 1000.0 - 1.0).max(0.0);
+            estimate += (force - estimate) * (1.0 - f64::exp(-cycle / 1000.0 / lag));
+        }
+        let mut way = Way::new();
+        way.push(Piece { duration: cycle, depth: [-1.0, -0.5, 0.0].map(|share| begins + depth(share)) });
+        let q = common::indented(depth(0.0));
+        let wrench = common::given(common::normal() * -estimate);
+        let sample = accepted(&Sample { joint_position: q, wrench, ..pressing(0.0, sequence) });
+        let felt = belief.felt(&sample.wrench, &sample.wrench_covariance);
+        belief.follow(&sample, &sample.joint_velocity, Some(&way), &felt, false);
+        belief.contact().is_any().then(|| sample.wrench.amax())
+    })
+}
+
+#[test]
+fn a_surface_that_the_samples_show_is_touched_before_its_force_is_above_beta() {
+    let prior = Prior { stiffness: (4e4, 2.5e5), depth_tolerance: None, normal_tolerance: 0.0, risk: 0.99 };
+    let learned = ContactPoint::Learned(prior);
+    let force = felt_at_first(learned, 3.0).expect("touched");
+    assert!(force > 4.0 && force < 5.0, "{force} N");
+    // Above β alone where the surface is told, and where both thresholds are one.
+    assert_eq!(felt_at_first(ContactPoint::Configured, 3.0), None);
+    assert_eq!(felt_at_first(learned, 5.0), None);
 }

@@ -350,6 +350,11 @@ impl SurfaceSet {
         }
     }
 
+    /// What f̂ should show of a touch that was noticed, N.
+    pub(crate) fn shown_of_touch(&self) -> Option<f64> {
+        if let Stage::Touch(touch) = &self.stage { touch.found().map(|found| found.shown) } else { None }
+    }
+
     /// A surface that would explain the force if it began here; before a touch was noticed.
     pub(crate) fn unexplained(&self) -> Spring {
         self.unexplained
