@@ -50,14 +50,15 @@ pub fn certain<T>(check: impl FnOnce() -> T) -> T {
     value
 }
 
-/// Whether a processor was away in this stretch of the run on this thread (ns of CLOCK_MONOTONIC) for so long that no answer could have
-/// come from it in time. It tells of stretches that are over, and is for runs of so many cycles that there is none without.
-pub fn was_away_within(from_ns: u64, until_ns: u64) -> bool {
+/// Whether a processor was away for at least `least` in this stretch (ns of CLOCK_MONOTONIC), which is over, of the run on this thread.
+/// For runs of many cycles: of those hardly one passes on a shared machine without.
+pub fn was_away_within(from_ns: u64, until_ns: u64, least: Duration) -> bool {
+    let least = (least + PERIOD).as_nanos() as u64;
     WATCHED.with_borrow(|watched| {
         let Some(latest) = watched else { return false };
         let stretches = latest.away.lock().unwrap_or_else(PoisonError::into_inner);
         !latest.is_refused.load(Ordering::Relaxed)
-            && stretches.iter().any(|(from, until)| *from < until_ns && *until > from_ns)
+            && stretches.iter().any(|(from, until)| until - from >= least && *from < until_ns && *until > from_ns)
     })
 }
 
@@ -315,15 +316,15 @@ mod tests {
         }
         undisturbed(|| {
             let begun = monotonic_ns();
-            std::thread::sleep(Duration::from_millis(20));
+            std::thread::sleep(Duration::from_millis(3));
             let taken = monotonic_ns();
             take_processor(Duration::from_millis(20));
             std::thread::sleep(2 * PERIOD);
             let over = monotonic_ns();
-            assert!(was_away_within(taken, over));
+            let was_away = |from_ns, until_ns, ms| was_away_within(from_ns, until_ns, Duration::from_millis(ms));
+            assert!(was_away(taken, over, 19) && !was_away(taken, over, 1000));
             // Which the machine may have taken away by itself.
-            assert!(!was_away_within(begun, taken - PERIOD.as_nanos() as u64));
-            assert!(!was_away_within(over, over + 1));
+            assert!(!was_away(begun, taken - PERIOD.as_nanos() as u64, 2) && !was_away(over, over + 1, 2));
         });
     }
 

@@ -131,17 +131,22 @@ impl<W: Write> Recorder<W> {
         let mut truths: Option<Subscriber<TruthSample>> = None;
         let (mut flushed, mut looked) = (Instant::now(), None::<Instant>);
         let (mut heard, mut is_silent) = (Instant::now(), false);
+        // Once it is over, what may have come before: that is still written.
+        let mut left: Option<usize> = None;
         loop {
-            let ends = is_over();
-            // What had come before the end is still written.
-            let [of_records, of_truths] = [services::RECORD.qos, services::TRUTH.qos]
-                .map(|qos| if ends { qos.subscriber_max_buffer_size } else { TURN });
+            if left.is_none() && is_over() {
+                left = Some(services::RECORD.qos.subscriber_max_buffer_size);
+            }
+            let mut is_full = false;
+            let most = left.map_or(TURN, |left| left.min(TURN));
             let mut taken = 0;
-            for record in waiting(records, of_records) {
+            for record in waiting(records, most) {
                 self.take(&record)?;
                 (heard, is_silent) = (Instant::now(), false);
                 taken += 1;
             }
+            is_full |= taken == TURN;
+            left = left.map(|left| left - taken);
             if !is_silent && heard.elapsed() >= SILENT {
                 is_silent = true;
                 eprintln!("no record for {} s: is admittanced running? Waiting for it", SILENT.as_secs());
@@ -153,19 +158,21 @@ impl<W: Write> Recorder<W> {
                 truths = service.and_then(|service| service.subscriber().ok());
             }
             if let Some(truths) = &truths {
-                for truth in waiting(truths, of_truths) {
+                let mut taken = 0;
+                for truth in waiting(truths, TURN) {
                     self.writer.truth(&truth)?;
                     taken += 1;
                 }
+                is_full |= taken == TURN;
             }
             if flushed.elapsed() >= CHUNK {
                 self.writer.flush()?;
                 flushed = Instant::now();
             }
-            if ends {
+            if left.is_some_and(|left| left == 0 || !is_full) {
                 return Ok(());
             }
-            if taken < TURN {
+            if !is_full {
                 std::thread::sleep(POLL);
             }
         }

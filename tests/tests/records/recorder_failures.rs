@@ -1,8 +1,8 @@
 //! A recorder that is killed, or cannot write.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::Barrier;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
 use std::time::Duration;
 
 use end_to_end::session::{ctl_command, output, run_plant, start_daemon, write};
@@ -75,25 +75,26 @@ fn a_recorder_to_which_records_come_faster_than_it_writes_ends_when_it_should() 
     let ipc = PrivateIpc::new("planar");
     let config = write(&ipc, "daemon.toml", &patient_default());
     let settings = ipc.settings();
-    let (is_over, is_ready) = (AtomicBool::new(false), Barrier::new(2));
+    let is_over = &AtomicBool::new(false);
+    let (publishes, publishing) = mpsc::channel();
     std::thread::scope(|scope| {
-        scope.spawn(|| {
+        scope.spawn(move || {
             let node = settings.node("test").expect("a node");
             let service = services::record(&node, &settings.instance, Access::OpenOrCreate).expect("a service");
             let publisher = service.publisher().expect("there is no daemon");
-            is_ready.wait();
-            // A hundred in a millisecond, which nothing turns into JSON.
+            publishes.send(()).expect("it is waited for");
+            // A thousand in a millisecond, which nothing turns into JSON.
             for sequence in 1.. {
                 if is_over.load(Ordering::Relaxed) {
                     break;
                 }
                 let _ = publisher.send_copy(RecordSample { boot_id: 1, sequence, ..RecordSample::zeroed() });
-                if sequence % 100 == 0 {
+                if sequence % 1000 == 0 {
                     std::thread::sleep(Duration::from_millis(1));
                 }
             }
         });
-        is_ready.wait();
+        publishing.recv().expect("a publisher: there is no daemon");
         let end = |mut recorder: Child| {
             let status = recorder.wait_for_exit(PATIENCE);
             (status.code(), recorder.stdout(), recorder.stderr())
@@ -103,7 +104,7 @@ fn a_recorder_to_which_records_come_faster_than_it_writes_ends_when_it_should() 
             let mut by_time = ctl_command(&ipc, "record", &config);
             let by_time = end(Child::spawn(by_time.arg(file("seconds.mcap")).args(["--seconds", "0.5"])));
             let mut recorder = start_recorder(&ipc, &config, &file("signal.mcap"));
-            // Its first chunk after the beginning: a kill would leave that.
+            // It is in the middle of it.
             let begun = std::fs::metadata(file("signal.mcap")).expect("it is there").len();
             recorder.wait_until("a chunk", PATIENCE, |_| {
                 std::fs::metadata(file("signal.mcap")).is_ok_and(|now| now.len() > begun + 10_000)

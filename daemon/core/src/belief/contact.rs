@@ -1,10 +1,14 @@
-//! Which axes are in contact (III.C): an axis joins when |f̂| exceeds β and leaves below the
-//! release threshold. While it is active it carries the sign of its contact, which never flips:
+//! Which axes are in contact (III.C): an axis joins when |f̂| exceeds β, or somewhat earlier where the
+//! samples show a surface, and leaves below the release threshold. While it is active it carries the sign of its contact, which never flips:
 //! release first, then activation.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::intake::band;
+
+/// Of β, from which part on an axis joins that feels a surface which the samples show. The rest is for what enters the samples as it
+/// enters f̂: a bias, or a tool that is lighter than told.
+const NOTICED: f64 = 0.8;
 
 /// Thresholds on |f̂| per task axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,11 +38,16 @@ impl<const D: usize> Thresholds<D> {
         beyond
     }
 
-    /// The same for a surface that the samples show: an axis joins halfway between release and β. Below that a tool whose
-    /// weight is told wrongly may feign a force, or hide one.
+    /// The same for a surface that the samples show: an axis joins below β, though not below the release threshold.
     #[must_use]
     pub(super) fn where_noticed(&self) -> Self {
-        Self { activation: (self.release + self.activation) * 0.5, ..*self }
+        Self { activation: (self.activation * NOTICED).sup(&self.release), ..*self }
+    }
+
+    /// What is `felt` of a surface, on the axes on which f̂ presses the same way and would not release them.
+    pub(super) fn held(&self, felt: &Felt<D>, wrench: &SVector<f64, D>) -> Felt<D> {
+        let is_held = |axis: usize| felt.signs[axis] * wrench[axis] >= self.release[axis];
+        Felt { signs: core::array::from_fn(|axis| if is_held(axis) { felt.signs[axis] } else { 0.0 }) }
     }
 
     /// Which axes feel a force above β in `wrench` (N, N·m).

@@ -253,7 +253,7 @@ impl<const D: usize> Belief<D> {
             }
         }
         self.learn(sample, way);
-        self.touch_what_was_noticed(sample);
+        self.touch_what_was_noticed(sample, was_in_contact);
         let pressing = self.surface.pressing_force(&sample.wrench);
         let spring = self.surface.spring_force(sample.posture.pose());
         self.springs.push(sample.stamp, spring);

@@ -350,9 +350,10 @@ impl SurfaceSet {
         }
     }
 
-    /// What f̂ should show of a touch that was noticed, N.
+    /// What f̂ should show of a touch that was noticed, N; `None` once no surface touches that may be there.
     pub(crate) fn shown_of_touch(&self) -> Option<f64> {
-        if let Stage::Touch(touch) = &self.stage { touch.found().map(|found| found.shown) } else { None }
+        let Stage::Touch(touch) = &self.stage else { return None };
+        touch.found().filter(|_| touch.away() == 0.0).map(|found| found.shown)
     }
 
     /// A surface that would explain the force if it began here; before a touch was noticed.
