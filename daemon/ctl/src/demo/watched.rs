@@ -5,9 +5,8 @@ use std::time::Duration;
 
 use ipc_types::services::{self, Access};
 use ipc_types::{RecordKind, RecordSample, TruthSample};
-use plant_sim::scenario::Scenario;
 
-use super::Controller;
+use super::{Controller, Experiment, SCENARIO, told};
 use crate::Exit;
 use crate::report::Changes;
 use crate::session::Session;
@@ -27,14 +26,14 @@ fn seen_ns(record: &RecordSample) -> u64 {
 /// daemon's mode and verdict were meanwhile.
 pub(super) fn run(
     controller: Controller,
-    scenario: &Scenario,
-    scenario_text: &str,
+    experiment: &Experiment,
     interrupted: &dyn Fn() -> bool,
     mut progress: impl FnMut(f64),
 ) -> Result<(Vec<TruthSample>, Changes), (Exit, String)> {
+    let Experiment { scenario, is_patient } = experiment;
     let mut session = Session::new(scenario)?;
-    let config = session.write("daemon.toml", controller.config)?;
-    let scenario_file = session.write("scenario.toml", scenario_text)?;
+    let config = session.write("daemon.toml", &told(controller.config, *is_patient))?;
+    let scenario_file = session.write("scenario.toml", &told(SCENARIO, *is_patient))?;
     session.start("daemon", "role-daemon", &[OsStr::new("--config"), config.as_os_str()])?;
     session.start("plant", "role-plant", &[OsStr::new("--scenario"), scenario_file.as_os_str()])?;
     let (node, truths) = session.watch(interrupted)?;
