@@ -131,22 +131,19 @@ impl<W: Write> Recorder<W> {
         let mut truths: Option<Subscriber<TruthSample>> = None;
         let (mut flushed, mut looked) = (Instant::now(), None::<Instant>);
         let (mut heard, mut is_silent) = (Instant::now(), false);
-        // Once it is over, what may have come before: that is still written.
+        // Turns that are left once it is over: so much may have come before, and is still written.
         let mut left: Option<usize> = None;
         loop {
             if left.is_none() && is_over() {
-                left = Some(services::RECORD.qos.subscriber_max_buffer_size);
+                left = Some(services::RECORD.qos.subscriber_max_buffer_size.div_ceil(TURN));
             }
-            let mut is_full = false;
-            let most = left.map_or(TURN, |left| left.min(TURN));
             let mut taken = 0;
-            for record in waiting(records, most) {
+            for record in waiting(records) {
                 self.take(&record)?;
                 (heard, is_silent) = (Instant::now(), false);
                 taken += 1;
             }
-            is_full |= taken == TURN;
-            left = left.map(|left| left - taken);
+            let mut is_full = taken == TURN;
             if !is_silent && heard.elapsed() >= SILENT {
                 is_silent = true;
                 eprintln!("no record for {} s: is admittanced running? Waiting for it", SILENT.as_secs());
@@ -159,7 +156,7 @@ impl<W: Write> Recorder<W> {
             }
             if let Some(truths) = &truths {
                 let mut taken = 0;
-                for truth in waiting(truths, TURN) {
+                for truth in waiting(truths) {
                     self.writer.truth(&truth)?;
                     taken += 1;
                 }
@@ -169,8 +166,11 @@ impl<W: Write> Recorder<W> {
                 self.writer.flush()?;
                 flushed = Instant::now();
             }
-            if left.is_some_and(|left| left == 0 || !is_full) {
-                return Ok(());
+            if let Some(left) = &mut left {
+                *left -= 1;
+                if *left == 0 || !is_full {
+                    return Ok(());
+                }
             }
             if !is_full {
                 std::thread::sleep(POLL);

@@ -13,7 +13,7 @@ use ipc_types::{IpcSettings, Publisher, Subscriber, WireSample};
 use crate::Exit;
 use crate::diagnostics::subscribe;
 use crate::target::Target;
-use crate::turn::{TURN, waiting};
+use crate::turn::waiting;
 
 /// Time between two looks: far below what waits in the daemon's buffer of records (a second at 4 kHz), and no more at once than the
 /// tunnel bears (64).
@@ -52,7 +52,7 @@ impl<T: WireSample + Copy> Line<T> {
     /// Hands on a turn of what waits; whether there was something. What cannot be sent shows to readers as a gap.
     fn hand_on(&mut self) -> bool {
         let before = self.count;
-        for sample in waiting(&self.from, TURN) {
+        for sample in waiting(&self.from) {
             self.count += u64::from(self.to.send_copy(*sample).is_ok());
         }
         self.count > before

@@ -1,13 +1,13 @@
 //! Which axes are in contact (III.C): an axis joins when |f̂| exceeds β, or somewhat earlier where the
-//! samples show a surface, and leaves below the release threshold. While it is active it carries the sign of its contact, which never flips:
-//! release first, then activation.
+//! samples show a surface, and leaves below the release threshold. While it is active it carries the
+//! sign of its contact, which never flips: release first, then activation.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::intake::band;
 
-/// Of β, from which part on an axis joins that feels a surface which the samples show. The rest is for what enters the samples as it
-/// enters f̂: a bias, or a tool that is lighter than told.
+/// Share of β above which an axis joins where the samples show a surface. It is no smaller, since a bias, or a tool that is lighter
+/// than told, enters what they show as it enters f̂.
 const NOTICED: f64 = 0.8;
 
 /// Thresholds on |f̂| per task axis.

@@ -38,11 +38,11 @@ impl<const D: usize> Belief<D> {
 
     /// Begins the contact with a surface that the samples show by the way of the tool, before f̂ is above β: where a tool weighs on
     /// the sensor against the touch, that is a cycle late, in which an arm goes 0.8 mm on at 4 ms and 0.2 m/s. What counts is the force
-    /// that the surface shows, which has less noise than f̂ from the second sample on; f̂ has to agree. A contact `was` there with the
-    /// sample before where f̂ may just have released it.
-    pub(super) fn touch_what_was_noticed<const N: usize>(&mut self, sample: &Accepted<N, D>, was: bool) {
+    /// that the surface shows, which has less noise than f̂ from the second sample on; f̂ has to agree. Not where the arm
+    /// `was_in_contact` with the sample before: this one has just released it.
+    pub(super) fn touch_what_was_noticed<const N: usize>(&mut self, sample: &Accepted<N, D>, was_in_contact: bool) {
         let touched = self.set.as_ref().and_then(SurfaceSet::shown_of_touch);
-        let Some(shown) = touched.filter(|_| !was && !self.contact.is_any()) else { return };
+        let Some(shown) = touched.filter(|_| !was_in_contact && !self.contact.is_any()) else { return };
         let Settings { thresholds, sign, .. } = &self.settings;
         let shown = self.surface.normal * -shown;
         let felt = thresholds.where_noticed().beyond(&sample.wrench_covariance).felt(&shown);

@@ -232,3 +232,20 @@ fn a_surface_that_the_samples_show_is_touched_before_its_force_is_above_beta() {
     assert_eq!(felt_at_first(ContactPoint::Configured, 3.0), None);
     assert_eq!(felt_at_first(learned, 5.0), None);
 }
+
+#[test]
+fn a_surface_is_touched_below_beta_but_not_where_f_hat_would_release_it() {
+    let thresholds = |release: f64| Thresholds {
+        admittance: [true; 2],
+        activation: Vector2::new(5.0, 1.0),
+        release: Vector2::repeat(release),
+    };
+    assert_eq!(thresholds(0.0).where_noticed().activation, Vector2::new(4.0, 0.8));
+    assert_eq!(thresholds(0.9).where_noticed().activation, Vector2::new(4.0, 0.9));
+    assert_eq!(thresholds(3.0).where_noticed().release, Vector2::repeat(3.0));
+    let shown = thresholds(3.0).where_noticed().felt(&Vector2::new(0.0, -6.0));
+    let begins = |estimate: f64| thresholds(3.0).held(&shown, &Vector2::new(0.0, estimate)).is_any();
+    assert!(begins(-3.0) && begins(-20.0));
+    // Less than that is released at once, and a pull is no touch.
+    assert!(!begins(-2.9) && !begins(6.0));
+}

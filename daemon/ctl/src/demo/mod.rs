@@ -120,26 +120,37 @@ pub(crate) struct Run {
 }
 
 /// What every controller is run in.
-struct Experiment {
-    scenario: Scenario,
+pub(crate) struct Experiment {
+    pub(crate) scenario: Scenario,
     /// Commands act later than the shipped files say; plant and daemon are told.
-    is_patient: bool,
+    pub(crate) is_patient: bool,
 }
 
 impl Experiment {
-    fn new(is_patient: bool) -> Result<Self, (Exit, String)> {
-        let text = told(SCENARIO, is_patient);
+    pub(crate) fn new(is_patient: bool) -> Result<Self, (Exit, String)> {
+        let text = as_told(SCENARIO, is_patient);
         let scenario = admittance_host::config::parse(&text, "paper.toml");
         Ok(Self { scenario: scenario.map_err(|error| (Exit::Internal, error.to_string()))?, is_patient })
     }
 
-    fn delay_ms(&self) -> f64 {
+    /// When commands act after their samples.
+    pub(crate) fn delay_ms(&self) -> f64 {
         self.scenario.timing.command_delay_s * 1e3
+    }
+
+    /// The plant's file.
+    fn scenario_text(&self) -> String {
+        as_told(SCENARIO, self.is_patient)
+    }
+
+    /// The daemon's file.
+    pub(crate) fn config(&self, controller: &Controller) -> String {
+        as_told(controller.config, self.is_patient)
     }
 }
 
-/// A file of the demo, of the scenario or a controller.
-fn told(text: &str, is_patient: bool) -> String {
+/// A shipped file with the delay of the experiment.
+fn as_told(text: &str, is_patient: bool) -> String {
     if is_patient { text.replace(DELAY, PATIENT_DELAY) } else { text.to_owned() }
 }
 
@@ -171,7 +182,7 @@ pub(crate) fn run(args: &Args) -> Result<Exit, (Exit, String)> {
         }
         _ => (exit, why),
     })?;
-    report::write(&args.report, &runs, &experiment.scenario).map_err(|error| {
+    report::write(&args.report, &runs, &experiment).map_err(|error| {
         (Exit::Unavailable, format!("the report in {} was not written: {error}", args.report.display()))
     })?;
     let rows: Vec<&Row> = runs.iter().map(|run| &run.row).collect();
@@ -406,10 +417,10 @@ mod tests {
 
     #[test]
     fn a_patient_experiment_tells_plant_and_daemon_alike() {
-        let delays = [false, true].map(|is_patient| Experiment::new(is_patient).expect("valid").delay_ms());
-        assert_eq!(delays, [0.25, 1.0]);
+        let experiments = [false, true].map(|is_patient| Experiment::new(is_patient).expect("valid"));
+        assert_eq!(experiments.each_ref().map(Experiment::delay_ms), [0.25, 1.0]);
         for controller in CONTROLLERS {
-            let (shipped, patient) = (told(controller.config, false), told(controller.config, true));
+            let [shipped, patient] = experiments.each_ref().map(|experiment| experiment.config(&controller));
             assert_eq!(shipped, controller.config);
             // Neither the paper's profile nor the damping law is told of a delay.
             let is_told = shipped.contains("command_delay_s");

@@ -6,7 +6,7 @@ use std::time::Duration;
 use ipc_types::services::{self, Access};
 use ipc_types::{RecordKind, RecordSample, TruthSample};
 
-use super::{Controller, Experiment, SCENARIO, told};
+use super::{Controller, Experiment};
 use crate::Exit;
 use crate::report::Changes;
 use crate::session::Session;
@@ -30,10 +30,10 @@ pub(super) fn run(
     interrupted: &dyn Fn() -> bool,
     mut progress: impl FnMut(f64),
 ) -> Result<(Vec<TruthSample>, Changes), (Exit, String)> {
-    let Experiment { scenario, is_patient } = experiment;
+    let scenario = &experiment.scenario;
     let mut session = Session::new(scenario)?;
-    let config = session.write("daemon.toml", &told(controller.config, *is_patient))?;
-    let scenario_file = session.write("scenario.toml", &told(SCENARIO, *is_patient))?;
+    let config = session.write("daemon.toml", &experiment.config(&controller))?;
+    let scenario_file = session.write("scenario.toml", &experiment.scenario_text())?;
     session.start("daemon", "role-daemon", &[OsStr::new("--config"), config.as_os_str()])?;
     session.start("plant", "role-plant", &[OsStr::new("--scenario"), scenario_file.as_os_str()])?;
     let (node, truths) = session.watch(interrupted)?;

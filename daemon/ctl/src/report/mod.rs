@@ -17,9 +17,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-use plant_sim::scenario::Scenario;
-
-use crate::demo::{HEADER, LIMIT_N, Run, cells};
+use crate::demo::{Experiment, HEADER, LIMIT_N, Run, cells};
 pub(crate) use changes::Changes;
 use chart::escape;
 pub(crate) use figures::{STYLES, range, roomy};
@@ -29,16 +27,20 @@ pub(crate) use page::{TAIL, figure, head, table};
 
 /// Writes index.html, timeline.svg, figure-3.svg, figure-4.svg, figure-5.svg and series.csv into
 /// `directory`.
-pub(crate) fn write(directory: &Path, runs: &[Run], scenario: &Scenario) -> io::Result<()> {
+pub(crate) fn write(directory: &Path, runs: &[Run], experiment: &Experiment) -> io::Result<()> {
+    let scenario = &experiment.scenario;
     fs::create_dir_all(directory)?;
     let mut html = head("admittanced: demo");
     html += &format!(
         "<h1>MPC-based admittance control: the experiment of section IV</h1>\n<p class=\"lead\">{}</p>\n",
         escape(&sentence(runs))
     );
-    html += "<p>A planar arm moves its TCP straight down at 0.25 m/s and hits a plane that falls by 25°, stiffness \
-             10<sup>5</sup> N/m. One real daemon process and one real plant process per controller, over shared memory, in \
-             real time, 250 Hz. All forces are the plant's true forces.</p>\n";
+    html += &format!(
+        "<p>A planar arm moves its TCP straight down at 0.25 m/s and hits a plane that falls by 25°, stiffness \
+         10<sup>5</sup> N/m. One real daemon process and one real plant process per controller, over shared memory, in \
+         real time, 250 Hz; a command acts {} ms after its sample. All forces are the plant's true forces.</p>\n",
+        experiment.delay_ms()
+    );
     html += &page::table(&HEADER, runs.iter().map(|run| cells(run).to_vec()));
     let end_s = scenario.motion.iter().map(|phase| phase.duration_s).sum();
     html += &figure_of(directory, "timeline", "Modes and verdicts of each controller's daemon", |width_px| {
@@ -51,7 +53,7 @@ pub(crate) fn write(directory: &Path, runs: &[Run], scenario: &Scenario) -> io::
     }
     html += "<p>Raw series: <a href=\"series.csv\">series.csv</a></p>\n<h2>Configuration</h2>\n";
     for run in runs {
-        let (name, config) = (run.controller.name, escape(run.controller.config));
+        let (name, config) = (run.controller.name, escape(&experiment.config(&run.controller)));
         html += &format!("<details><summary>{name}.toml</summary><pre>{config}</pre></details>\n");
     }
     html += TAIL;

@@ -13,7 +13,7 @@ use plant_sim::scenario::Scenario;
 
 use super::figures::{COLORS, of_demo};
 use super::*;
-use crate::demo::{CONTROLLERS, SCENARIO, run_of};
+use crate::demo::{CONTROLLERS, Experiment, SCENARIO, run_of};
 
 fn scenario() -> Scenario {
     let mut scenario: Scenario = parse(SCENARIO, "paper.toml").expect("shipped");
@@ -42,7 +42,8 @@ fn runs(scenario: &Scenario) -> Vec<Run> {
 /// The page, in a directory with its figures.
 fn page() -> (tempfile::TempDir, String) {
     let (directory, scenario) = (tempfile::tempdir().expect("a directory"), scenario());
-    write(directory.path(), &runs(&scenario), &scenario).expect("written");
+    let experiment = Experiment { scenario, is_patient: false };
+    write(directory.path(), &runs(&experiment.scenario), &experiment).expect("written");
     let page = std::fs::read_to_string(directory.path().join("index.html")).expect("written");
     (directory, page)
 }
@@ -59,6 +60,20 @@ fn the_page_says_in_a_sentence_what_it_shows() {
     assert!(lead.matches('.').count() == 1 && lead.ends_with('.'), "one sentence: {lead}");
     assert!(page.contains("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"));
     assert!(page.contains("prefers-color-scheme:dark"));
+}
+
+#[test]
+fn the_page_shows_the_files_as_they_were_told() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let page = |is_patient| {
+        let experiment = Experiment::new(is_patient).expect("valid");
+        write(directory.path(), &runs(&experiment.scenario), &experiment).expect("written");
+        std::fs::read_to_string(directory.path().join("index.html")).expect("written")
+    };
+    let (shipped, patient) = (page(false), page(true));
+    assert!(shipped.contains("acts 0.25 ms after") && shipped.matches("command_delay_s = 0.00025").count() == 2);
+    assert!(patient.contains("acts 1 ms after") && patient.matches("command_delay_s = 0.001").count() == 2);
+    assert!(!patient.contains("0.00025"));
 }
 
 #[test]
