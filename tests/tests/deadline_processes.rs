@@ -10,7 +10,7 @@ use admittance_host::clock::monotonic_ns;
 use admittance_host::realtime::{RealtimeSection, StepOutcome, apply_to_thread};
 use end_to_end::closed_loop::MPC_DEFAULT;
 use end_to_end::session::{PAPER_SCENARIO, PATIENT, drive_plant, start_daemon, until, with_keys, write};
-use end_to_end::{Child, Need, PATIENCE, PrivateIpc, SteppedClock, needs, undisturbed};
+use end_to_end::{Child, Need, PATIENCE, PrivateIpc, SteppedClock, needs, undisturbed, was_away_within};
 use ipc_types::services::{self, Access};
 use ipc_types::{CommandSample, Mode, Motion, Source, StopReason, TruthSample};
 
@@ -36,11 +36,17 @@ fn config(more: &[(&str, &str)]) -> String {
 /// and until then a busy machine is borne.
 const STALE_AS_SHIPPED: [(&str, &str); 2] = [PATIENT[1], PATIENT[2]];
 
+/// What a processor must have been away for to excuse an answer that had no time: of a cycle of 4 ms, and beside the
+/// half of it that the answers of two daemons need in the tests' builds.
+const AWAY: Duration = Duration::from_millis(1);
+
 /// A run of daemon and plant.
 struct Run {
     truths: Vec<TruthSample>,
     /// The daemon's state at each of `truths` of the plant.
     commands: Vec<CommandSample>,
+    /// All commands that were seen.
+    answers: Vec<CommandSample>,
     log: String,
 }
 
@@ -53,6 +59,15 @@ impl Run {
 
     fn last(&self) -> &CommandSample {
         self.commands.last().expect("a run has cycles")
+    }
+
+    /// How often this count rose up to that time of the scenario: [while a processor was away, otherwise].
+    fn rises(&self, of: impl Fn(&CommandSample) -> u64, time_s: f64) -> [usize; 2] {
+        let until_ns = self.at(time_s).stamp_ns;
+        let rises = self.answers.windows(2).filter(|pair| pair[1].stamp_ns <= until_ns && of(&pair[1]) > of(&pair[0]));
+        let was_away = |pair: &&[CommandSample]| was_away_within(pair[0].state_stamp_ns, pair[1].stamp_ns, AWAY);
+        let (away, all) = (rises.clone().filter(was_away).count(), rises.count());
+        [away, all - away]
     }
 }
 
@@ -79,11 +94,12 @@ fn run_beside(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mu
     let node = ipc.settings().node("watcher").expect("a node");
     let service = services::command(&node, &ipc.settings().instance, Access::Open).expect("the daemon made it");
     let subscriber = service.subscriber().expect("a subscriber");
-    let (mut newest, mut commands) = (CommandSample::zeroed(), Vec::new());
+    let (mut newest, mut commands, mut answers) = (CommandSample::zeroed(), Vec::new(), Vec::new());
     let mut truths = drive_plant(&ipc, &write(&ipc, "scenario.toml", scenario), |plant, truth| {
         each(&mut daemon, plant, truth);
-        if let Ok(Some(command)) = subscriber.receive() {
+        while let Ok(Some(command)) = subscriber.receive() {
             newest = *command;
+            answers.push(newest);
         }
         commands.push(newest);
     });
@@ -91,13 +107,22 @@ fn run_beside(config: &str, scenario: &str, mut each: impl FnMut(&mut Child, &mu
     assert_eq!(daemon.wait_for_exit(PATIENCE).code(), Some(0), "{}", daemon.report());
     truths.truncate(until(&truths, MOTION_S).len());
     commands.truncate(truths.len());
-    Run { truths, commands, log: daemon.stderr() }
+    Run { truths, commands, answers, log: daemon.stderr() }
 }
 
-/// Fails when a busy machine did something to a run before the test did.
+/// Fails when a busy machine stopped a run before the test did something, and when an answer had no time for any other
+/// reason than a machine that took a processor away: hardly a run on a shared machine has none of those.
 fn assert_quiet_until(run: &Run, time_s: f64) {
-    let before = run.at(time_s);
-    assert_eq!((before.stop_reason, before.fallback_count), (StopReason::NONE, 0), "{}", run.log);
+    assert_eq!(run.at(time_s).stop_reason, StopReason::NONE, "{}", run.log);
+    assert_on_time_until(run, time_s);
+}
+
+/// As said above.
+fn assert_on_time_until(run: &Run, time_s: f64) {
+    let [away, otherwise] = run.rises(|command| command.fallback_count, time_s);
+    println!("up to {time_s} s: {away} times no time for an answer while a processor was away");
+    assert_eq!(otherwise, 0, "no time for an answer, beside {away} times while a processor was away: {}", run.log);
+    assert!(away < 25, "of a run of which so much is missing nothing is known: {}", run.log);
 }
 
 /// Fails when the daemon had stopped the arm when the motion ended.
@@ -308,8 +333,8 @@ fn steps_of_the_wall_clock_do_not_matter() {
                     None => is_set.set(false),
                 }
             });
-            assert_quiet_until(&run, 1.19);
-            assert_eq!(run.last().fallback_count, 0, "{wait}: {}", run.log);
+            assert_quiet_until(&run, MOTION_S);
+            assert_went_on(&run);
             if !is_set.get() {
                 println!("SKIPPED: the clock of this machine cannot be set");
                 return;
@@ -317,8 +342,7 @@ fn steps_of_the_wall_clock_do_not_matter() {
             let last = run.last();
             assert_eq!((last.mode, last.source), (Mode::Contact.code(), Source::Mpc.code()), "{wait}: {}", run.log);
             assert_eq!(last.rejected_count, run.at(1.19).rejected_count, "{wait}: {}", run.log);
-            let answered =
-                run.commands.windows(2).filter(|pair| pair[1].state_sequence > pair[0].state_sequence).count();
+            let answered = run.answers.len();
             assert!(answered > 100, "{wait}: {answered} answers seen");
         }
     });
