@@ -221,14 +221,24 @@ pub(crate) fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text} ({test})");
 }
 
+/// How long to wait after so many disturbed runs: who keeps the machine busy now has often ended a minute later.
+fn pause_after(runs: usize) -> Duration {
+    let doubled = runs.saturating_sub(2).min(5) as u32;
+    Duration::from_secs(if runs < 2 { 0 } else { 2_u64.pow(doubled) })
+}
+
 /// Runs a test in real time; when it fails, and a witness saw that the machine disturbed it, once
-/// more. A run that fails undisturbed fails the test, and so does the tenth that fails. `None`, and
+/// more, after a pause that grows. A run that fails undisturbed fails the test, and so does the tenth that fails. `None`, and
 /// SKIPPED is said, only when the machine took a processor away for a cycle or longer in all ten,
 /// and no more than half of them failed at the same place.
 ///
 /// # Panics
 /// As the last run does.
-pub fn undisturbed<T>(mut run: impl FnMut() -> T) -> Option<T> {
+pub fn undisturbed<T>(run: impl FnMut() -> T) -> Option<T> {
+    repeated(run, pause_after)
+}
+
+fn repeated<T>(mut run: impl FnMut() -> T, pause_after: impl Fn(usize) -> Duration) -> Option<T> {
     keep_places();
     let mut runs = Vec::new();
     loop {
@@ -249,7 +259,7 @@ pub fn undisturbed<T>(mut run: impl FnMut() -> T) -> Option<T> {
         }
         match Verdict::of(&runs) {
             Verdict::Fail => resume_unwind(failure),
-            Verdict::Again => {}
+            Verdict::Again => std::thread::sleep(pause_after(runs.len())),
             Verdict::Skip => {
                 say(&format!("SKIPPED: machine too busy: a processor was away for a cycle or longer in {TRIES} runs"));
                 return None;
@@ -335,13 +345,20 @@ mod tests {
         }
         let mut runs = 0;
         let result = catch_unwind(AssertUnwindSafe(|| {
-            undisturbed(|| {
+            let run = || {
                 runs += 1;
                 take_processor(Duration::from_millis(20));
                 assert!(runs == 0, "in run {runs}");
-            })
+            };
+            repeated(run, |_| Duration::ZERO)
         }));
         assert!(result.is_err() && runs == TRIES, "{runs} runs");
+    }
+
+    #[test]
+    fn ten_runs_are_spread_over_two_minutes() {
+        let pauses: Vec<u64> = (1..TRIES).map(|runs| pause_after(runs).as_secs()).collect();
+        assert_eq!(pauses, [0, 1, 2, 4, 8, 16, 32, 32, 32]);
     }
 
     #[test]
