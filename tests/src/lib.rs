@@ -33,7 +33,7 @@ pub use binaries::{Binaries, binaries};
 pub use child::{Child, PATIENCE, wait_until};
 pub use driven_clock::DrivenClock;
 pub use fresh::{fresh, share};
-pub use machine::{certain, undisturbed, was_away_within};
+pub use machine::{certain, cycles_away, undisturbed, was_away_within};
 pub use needs::{ICEORYX2_PYTHON_VERSION, MCAP_PYTHON_VERSION, MUJOCO_PYTHON_VERSION, Need, needs, python, tunnel};
 pub use private_ipc::PrivateIpc;
 pub use stepped_clock::SteppedClock;

@@ -62,6 +62,20 @@ pub fn was_away_within(from_ns: u64, until_ns: u64, least: Duration) -> bool {
     })
 }
 
+/// The cycles of this length that may have passed up to now, in the run on this thread, while a processor was away.
+pub fn cycles_away(cycle: Duration) -> u64 {
+    let cycle_ns = cycle.as_nanos() as u64;
+    WATCHED.with_borrow(|watched| {
+        let Some(latest) = watched.as_ref().filter(|latest| !latest.is_refused.load(Ordering::Relaxed)) else {
+            return 0;
+        };
+        let stretches = latest.away.lock().unwrap_or_else(PoisonError::into_inner);
+        // What is to be done in a cycle needs the other half of it.
+        let long = stretches.iter().map(|(from, until)| until - from).filter(|ns| *ns >= cycle_ns / 2);
+        long.map(|ns| ns / cycle_ns + 1).sum()
+    })
+}
+
 /// What the threads of a [`Witness`] see.
 #[derive(Debug, Default)]
 struct Latest {
@@ -335,6 +349,8 @@ mod tests {
             assert!(was_away(taken, over, 19) && !was_away(taken, over, 1000));
             // Which the machine may have taken away by itself.
             assert!(!was_away(begun, taken - PERIOD.as_nanos() as u64, 2) && !was_away(over, over + 1, 2));
+            assert_eq!(cycles_away(Duration::from_millis(19)), 2);
+            assert_eq!(cycles_away(Duration::from_secs(1)), 0);
         });
     }
 

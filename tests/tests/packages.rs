@@ -16,7 +16,10 @@ fn build(directory: &Path, version: &[&str]) {
     script.arg("--binaries").arg(programs.admittanced.parent().expect("a program is in a directory"));
     script.arg("--archive").arg(&programs.client_archive).args(version).arg(directory);
     // Development builds are large: what matters here is not their size.
-    script.env("DEBEMAIL", "packages@our-cell.net").env("DPKG_DEB_COMPRESSOR_TYPE", "gzip");
+    script
+        .env("DEBEMAIL", "packages@our-cell.net")
+        .env("DPKG_DEB_COMPRESSOR_TYPE", "gzip")
+        .env("DPKG_DEB_COMPRESSOR_LEVEL", "1");
     let (code, text) = output(&mut script);
     assert_eq!(code, Some(0), "{text}");
 }

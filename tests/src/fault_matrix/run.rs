@@ -139,7 +139,11 @@ impl<'a> Stage<'a> {
             let truth = seen.truths.iter().rev().find(|truth| truth.scenario_time_s < at).copied();
             command.zip(truth).map(|(command, truth)| (command, truth, stamp))
         };
-        let Some((command, truth, stamp)) = before else { return Err("nothing was seen before the fault".to_owned()) };
+        let Some((command, truth, stamp)) = before else {
+            // Who watches has no priority, and may have opened its ports too late: nothing is known of such a run.
+            note("the plant was seen too late".to_owned());
+            return Err("nothing was seen before the fault".to_owned());
+        };
         if Said::of(&command) != Some(undisturbed) {
             return Err(format!("before the fault the command says {:?}", Said::of(&command)));
         }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::super::statistics::Distribution;
 use super::{Faults, Run, SPEEDS, Told};
 
-/// Runs to look at, at most.
+/// Bad runs that the text shows, at most.
 const MOST_EXAMPLES: usize = 10;
 
 /// The figures of some runs.
@@ -132,10 +132,21 @@ pub(super) struct Figures {
     /// Runs that are over the limit though attainable, lose contact late, or stop falsely.
     bad: usize,
     by_cause: BTreeMap<Cause, OfCause>,
-    /// Bad runs to look at: the commands that show them.
-    pub(super) examples: Vec<String>,
+    pub(super) bad_runs: Vec<Bad>,
     /// The same of all silent ones.
     silent_runs: Vec<String>,
+}
+
+/// A bad run, and what of it is.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Bad {
+    /// What shows it again.
+    pub(super) command: String,
+    cell: &'static str,
+    /// Part of the speed that `limits` names.
+    speed: f64,
+    #[serde(flatten)]
+    faults: Faults,
 }
 
 /// What shows a run again.
@@ -172,7 +183,14 @@ impl Figures {
                 .collect(),
             bad: bad().count(),
             by_cause,
-            examples: bad().take(MOST_EXAMPLES).map(|run| command(seed, told, run.index)).collect(),
+            bad_runs: bad()
+                .map(|run| Bad {
+                    command: command(seed, told, run.index),
+                    cell: run.cell,
+                    speed: run.speed,
+                    faults: run.faults(),
+                })
+                .collect(),
             silent_runs: runs
                 .iter()
                 .filter(|run| run.contact.is_silent())
@@ -217,8 +235,11 @@ impl Figures {
             format!("\n  {cause:?}: {all} (above the limit {over}; lost {lost}; stopped {stopped})")
         });
         let causes: String = causes.collect();
-        let lines = |commands: &[String]| commands.iter().map(|command| format!("\n  {command}")).collect::<String>();
-        let (examples, silent) = (lines(&self.examples), lines(&self.silent_runs));
+        let lines = |commands: &mut dyn Iterator<Item = &String>| {
+            commands.map(|command| format!("\n  {command}")).collect::<String>()
+        };
+        let examples = lines(&mut self.bad_runs.iter().map(|run| &run.command).take(MOST_EXAMPLES));
+        let silent = lines(&mut self.silent_runs.iter());
         let silent = if silent.is_empty() { silent } else { format!("\nSilent:{silent}") };
         format!(
             "{table}\n{} of {} runs are bad (seed {}){}{examples}{silent}\nBad with one cause alone, good without it:{causes}",

@@ -12,6 +12,7 @@ use admittancectl::plausible::{self, Cause, Cell, Contact, Peak};
 use admittancectl::{Exit, offline, parallel};
 use figures::Figures;
 use plant_sim::scenario::Scenario;
+use serde::Serialize;
 
 /// How long after the touch the cycles of a run are told, s.
 const TOLD_S: f64 = 0.1;
@@ -172,7 +173,7 @@ pub(crate) struct Run {
 }
 
 /// What of a contact the controller could have avoided.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 struct Faults {
     /// Above the limit although full outward speed keeps it.
     over: bool,
@@ -441,8 +442,8 @@ mod tests {
         for told in [Told::default(), exact, all] {
             let mut run = one(&cells[0], 0.5, SEED, 5).unwrap();
             run.contact.late_losses += 1;
-            let examples = Figures::of(SEED, &told, &cells, &[run]).examples;
-            let words = examples[0].split('"').enumerate().flat_map(|(part, text)| {
+            let bad = Figures::of(SEED, &told, &cells, &[run]).bad_runs;
+            let words = bad[0].command.split('"').enumerate().flat_map(|(part, text)| {
                 let quoted = part % 2 == 1;
                 if quoted { vec![text] } else { text.split_whitespace().collect() }
             });
