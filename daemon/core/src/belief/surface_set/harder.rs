@@ -86,6 +86,7 @@ mod tests {
             depths: (0.0, 0.0),
             felt_after: 1e-4,
             noise: 0.1,
+            offset: 0.0,
             tolerance: 0.0,
             slope: 0.01,
         };

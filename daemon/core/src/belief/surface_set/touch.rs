@@ -192,7 +192,10 @@ impl Touch {
             && best.spring.stiffness >= tuning.range.most * 0.999
             && self.samples >= 4
             && self.is_certain()
-            && self.harder(tuning).is_some_and(|cost| best.cost - cost > EVIDENCE * self.scale(cost));
+            && self.harder(tuning).is_some_and(|cost| {
+                let wanted = EVIDENCE * self.scale(cost).max(tuning.doubt());
+                best.cost - cost > wanted
+            });
     }
 
     /// Whether the samples say so clearly that the surface begins out of the tolerance of its contact
