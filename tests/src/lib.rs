@@ -5,6 +5,7 @@
 //! order, and files must not be removed under a running program. Timeouts only end a test that
 //! hangs; no test asserts how fast something is.
 
+mod answers;
 mod binaries;
 pub mod c_controller;
 mod child;
@@ -29,11 +30,12 @@ mod strace;
 mod systemd;
 mod terminal;
 
+pub use answers::{Answers, Rises};
 pub use binaries::{Binaries, binaries};
 pub use child::{Child, PATIENCE, wait_until};
 pub use driven_clock::DrivenClock;
 pub use fresh::{fresh, share};
-pub use machine::{certain, cycles_away, undisturbed, was_away_within};
+pub use machine::{certain, undisturbed, was_away_within};
 pub use needs::{ICEORYX2_PYTHON_VERSION, MCAP_PYTHON_VERSION, MUJOCO_PYTHON_VERSION, Need, needs, python, tunnel};
 pub use private_ipc::PrivateIpc;
 pub use stepped_clock::SteppedClock;

@@ -141,7 +141,9 @@ impl<'a> Stage<'a> {
         };
         let Some((command, truth, stamp)) = before else {
             // Who watches has no priority, and may have opened its ports too late: nothing is known of such a run.
-            note("the plant was seen too late".to_owned());
+            if !self.watcher.seen().truths.iter().any(|truth| truth.scenario_time_s < at) {
+                note("the plant was seen too late".to_owned());
+            }
             return Err("nothing was seen before the fault".to_owned());
         };
         if Said::of(&command) != Some(undisturbed) {

@@ -42,8 +42,10 @@ const FLOOR: f64 = 0.1;
 const FLOOR_PART: f64 = 0.005;
 /// The same of what f̂ still shows of a contact before.
 const FADING_PART: f64 = 0.2;
-/// Part of what is felt by which f̂ may be off all the time: a tool is not as heavy as told, T_est not as long.
+/// By how much f̂ may be off throughout a touch: a part of what is felt, and N at most, a quarter of a kilogram. A tool is not as
+/// heavy as told, T_est not as long.
 const OFFSET_PART: f64 = 0.5;
+const OFFSET: f64 = 2.5;
 /// How long a touch takes from when it was noticed beyond the lag of f̂, s.
 const TOUCH: f64 = 0.020;
 /// Slope of a surface whose normal is told: one deviation of a plane that was aligned within a degree.
@@ -84,7 +86,7 @@ struct Tuning {
     felt_after: f64,
     /// Standard deviation of f̂, N.
     noise: f64,
-    /// By how much f̂ may be off besides, all the time, N.
+    /// By how much f̂ may be off besides, throughout a touch, N. A hold follows it with θ.
     offset: f64,
     /// By how much the told normal may be wrong, as a slope; 0 where it is told as it is.
     tolerance: f64,
@@ -129,12 +131,6 @@ impl Tuning {
         self.tolerance > 0.0
     }
 
-    /// How many times as convincing as by noise alone samples have to be for a surface to be out of the range: were their errors as
-    /// large as the offset of f̂. At a small force an offset looks like a hard surface, and does no harm.
-    fn doubt(&self) -> f64 {
-        1.0 + self.offset * self.offset / (self.noise * self.noise + FLOOR * FLOOR)
-    }
-
     /// How long a touch takes from when it was noticed, s. It knows of no slope: where there may be one,
     /// it ends as soon as it is certain.
     fn touch(&self) -> f64 {
@@ -160,7 +156,7 @@ impl SurfaceSet {
                 depths,
                 felt_after,
                 noise,
-                offset: OFFSET_PART * felt,
+                offset: OFFSET.min(OFFSET_PART * felt),
                 tolerance: normal_tolerance,
                 slope,
             },
@@ -185,7 +181,8 @@ impl SurfaceSet {
             && self.told_depths == old.told_depths
             && (new.lag, new.tolerance) == (before.lag, before.tolerance);
         if is_same {
-            let tuning = Tuning { noise: self.tuning.noise, ..old.tuning };
+            let Tuning { noise, offset, .. } = self.tuning;
+            let tuning = Tuning { noise, offset, ..old.tuning };
             *self = Self { tuning, risk: self.risk, ..*old };
         }
         is_same

@@ -64,9 +64,12 @@ fn shown(world: &World, begins: f64, from: i32, cycles: i32) -> Vec<f64> {
 extern crate std;
 use std::vec::Vec;
 
+fn prior() -> Prior {
+    Prior { stiffness: (1e4, 5e5), depth_tolerance: None, normal_tolerance: 0.0, risk: 0.99 }
+}
+
 fn set(noise: f64) -> SurfaceSet {
-    let prior = Prior { stiffness: (1e4, 5e5), depth_tolerance: None, normal_tolerance: 0.0, risk: 0.99 };
-    SurfaceSet::new(&prior, LAG, noise, 5.0, 0.0)
+    SurfaceSet::new(&prior(), LAG, noise, 5.0, 0.0)
 }
 
 #[test]
@@ -203,18 +206,20 @@ fn a_held_surface_is_followed() {
 #[test]
 fn a_surface_that_is_harder_than_told_is_found_out() {
     // The range ends at 5e5 N/m.
-    for (stiffness, is_outside) in [(2e6, true), (7.5e5, true), (5.5e5, false), (4.5e5, false)] {
-        let mut world = World { stiffness, begins: 0.0123, speed: 0.1, noise: 0.5, seed: 3 };
-        let mut set = set(0.5);
+    let stiffnesses = [(2e6, true), (7.5e5, true), (5.5e5, false), (4.5e5, false)];
+    let told = [(0.5, 5.0), (0.0, 5.0), (0.5, 20.0), (0.0, 20.0)];
+    for ((stiffness, is_outside), (noise, felt)) in stiffnesses.into_iter().flat_map(|of| told.map(|told| (of, told))) {
+        let mut world = World { stiffness, begins: 0.0123, speed: 0.1, noise, seed: 3 };
+        let mut set = SurfaceSet::new(&prior(), LAG, noise, felt, 0.0);
         let exact = shown(&world, world.begins, -30, 45);
         let mut found = false;
         for cycle in -30..15 {
             let time = CYCLE * f64::from(cycle + 1);
             let force = stiffness * exact[(cycle + 30) as usize] + world.error();
-            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros()), force > 5.0);
+            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros()), force > felt);
             found |= set.is_outside();
         }
-        assert_eq!(found, is_outside, "{stiffness}");
+        assert_eq!(found, is_outside, "{stiffness} N/m, {noise} N of noise, felt above {felt} N");
     }
 }
 

@@ -69,8 +69,9 @@ pub(super) struct Touch {
     since_coarse: f64,
     /// Σ w f² beyond what the best surface explained when the touch was noticed.
     constant: f64,
-    /// Samples since then.
+    /// Samples since then, and their Σ w.
     samples: u32,
+    weights: f64,
     /// Time since then in s; `None` before it.
     noticed: Option<f64>,
     /// Time without any surface of the set touching, s.
@@ -110,6 +111,7 @@ impl Touch {
             since_coarse: 0.0,
             constant: 0.0,
             samples: 0,
+            weights: 0.0,
             noticed: None,
             away: 0.0,
             is_outside: false,
@@ -178,12 +180,14 @@ impl Touch {
                 let wanted = if in_contact { EVIDENCE_IN_CONTACT } else { EVIDENCE };
                 if -best.cost > wanted {
                     (self.noticed, self.samples, self.constant) = (Some(0.0), 0, -best.cost);
+                    self.weights = 0.0;
                 }
             }
             Some(_) if -best.cost < NO_EVIDENCE => self.noticed = None,
             Some(since) => {
                 *since += way.duration();
                 self.samples += 1;
+                self.weights += weight;
                 self.constant += weight * force * force;
                 self.away = if way.end() < best.spring.depth { self.away + way.duration() } else { 0.0 };
             }
@@ -193,9 +197,15 @@ impl Touch {
             && self.samples >= 4
             && self.is_certain()
             && self.harder(tuning).is_some_and(|cost| {
-                let wanted = EVIDENCE * self.scale(cost).max(tuning.doubt());
+                let wanted = EVIDENCE * self.scale(cost).max(self.doubt(tuning.offset));
                 best.cost - cost > wanted
             });
+    }
+
+    /// How many times as convincing as told the samples have to be where each is off by as much as this (N): at a small force an
+    /// offset looks like a hard surface.
+    fn doubt(&self, offset: f64) -> f64 {
+        1.0 + offset * offset * self.weights / f64::from(self.samples)
     }
 
     /// Whether the samples say so clearly that the surface begins out of the tolerance of its contact

@@ -137,7 +137,7 @@ pub(super) struct Figures {
     silent_runs: Vec<String>,
 }
 
-/// A bad run, and what of it is.
+/// A bad run, and what it did.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Bad {
     /// What shows it again.
