@@ -108,10 +108,10 @@ fn a_controller_that_forgets_to_notify_has_no_sample_missed_and_is_told() {
             let run = cell.run(&[("unnotified", -10.0, 20.0)]);
             let Run { truths, status, .. } = &run;
             let log = cell.log();
-            println!("{wait}: {} missed of {}, peak {:.1} N", status["missed_count"], status["cycles"], peak(&truths));
+            println!("{wait}: {} missed of {}, peak {:.1} N", status["missed_count"], status["cycles"], peak(truths));
             assert_none_missed(&run, &log);
-            assert!(peak(&truths) <= LIMIT_N, "{} N", peak(&truths));
-            let last = until(&truths, MOTION_S).last().expect("a run");
+            assert!(peak(truths) <= LIMIT_N, "{} N", peak(truths));
+            let last = until(truths, MOTION_S).last().expect("a run");
             assert_eq!((last.in_contact, last.motion), (1, Motion::Offset.code()), "{log}");
             assert!(wait != "\"event\"" || log.contains("the motion controller must notify state-arrival"), "{log}");
         });
@@ -214,8 +214,8 @@ fn a_stamp_that_is_a_cycle_late_in_contact_is_no_wrong_rate() {
         // The sample after it has the same stamp, and is refused: the last plan bridges it.
         assert_none_missed(&run, &log);
         assert_eq!((&status["mode"], &status["rejected_count"]), (&"Contact".into(), &at.len().into()), "{log}");
-        assert!(peak(&truths) <= LIMIT_N, "{} N", peak(&truths));
-        let last = until(&truths, MOTION_S).last().expect("a run");
+        assert!(peak(truths) <= LIMIT_N, "{} N", peak(truths));
+        let last = until(truths, MOTION_S).last().expect("a run");
         assert_eq!((last.in_contact, last.motion), (1, Motion::Offset.code()), "{log}");
     });
 }
@@ -231,7 +231,7 @@ fn a_sequence_that_jumps_is_said_and_nothing_else() {
         assert!(!log.contains("0.0000 ms") && !log.contains("RateMismatch"), "{log}");
         assert_eq!(status["mode"], "Contact", "{log}");
         assert_none_missed(&run, &log);
-        assert!(peak(&truths) <= LIMIT_N, "{} N", peak(&truths));
+        assert!(peak(truths) <= LIMIT_N, "{} N", peak(truths));
     });
 }
 
