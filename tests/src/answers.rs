@@ -7,21 +7,15 @@ use ipc_types::{CommandSample, IpcSettings, Node, RecordSample, Subscriber};
 
 use crate::machine::was_away_within;
 
+/// Up to this time (ns) before an instant there may be no answer.
+const UNSEEN_NS: u64 = 50_000_000;
+
 /// The commands of a daemon, in order.
 pub struct Answers {
     /// Before the node, which goes last.
     records: Subscriber<RecordSample>,
     _node: Node,
     seen: Vec<CommandSample>,
-}
-
-/// How often a count of the daemon rose.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Rises {
-    /// From one answer to the next, while a processor was away between their samples.
-    pub away: u64,
-    /// Otherwise.
-    pub otherwise: u64,
 }
 
 impl Answers {
@@ -51,29 +45,12 @@ impl Answers {
         &self.seen[..self.seen.partition_point(|command| command.stamp_ns <= until_ns)]
     }
 
-    /// How often a count rose up to an instant, and how much of that a processor excuses that was away for at least `least`
-    /// in that very cycle. What the first answer has, and what is between two that are not neighbours, nothing excuses.
-    pub fn rises(&self, count: impl Fn(&CommandSample) -> u64, until_ns: u64, least: Duration) -> Rises {
-        let answers = self.until(until_ns);
-        let mut rises = Rises { away: 0, otherwise: answers.first().map_or(0, &count) };
-        for pair in answers.windows(2) {
-            let [before, after] = pair else { continue };
-            let rise = count(after) - count(before);
-            let is_next = after.sequence == before.sequence + 1;
-            if rise > 0 && is_next && was_away_within(before.state_stamp_ns, after.stamp_ns, least) {
-                rises.away += rise;
-            } else {
-                rises.otherwise += rise;
-            }
-        }
-        rises
-    }
-
-    /// Fails when a count rose for another reason than a processor that was away for at least `least`. Hardly a run on a shared
-    /// machine has none of those.
+    /// Fails when a count rose up to an instant (ns) but for what a processor excuses that was away for at least `least` in that very
+    /// cycle: hardly a run on a shared machine has none of that. What the first answer has, and what is between two that are
+    /// not neighbours, nothing excuses.
     ///
     /// # Panics
-    /// Then, with the `log`.
+    /// Then, with the `log`, and where the answers do not reach up to the instant.
     pub fn assert_excused(
         &self,
         what: &str,
@@ -82,8 +59,18 @@ impl Answers {
         least: Duration,
         log: &str,
     ) {
-        let Rises { away, otherwise } = self.rises(count, until_ns, least);
-        println!("{what}: {away} while a processor was away");
+        let answers = self.until(until_ns);
+        let newest_ns = answers.last().map_or(0, |command| command.stamp_ns);
+        assert!(newest_ns + UNSEEN_NS > until_ns, "{what}: nothing is known of the last {} ns", until_ns - newest_ns);
+        let (mut away, mut otherwise) = (0, answers.first().map_or(0, &count));
+        for pair in answers.windows(2) {
+            let [before, after] = pair else { continue };
+            let rise = count(after) - count(before);
+            let is_next = after.sequence == before.sequence + 1;
+            let is_excused = is_next && was_away_within(before.state_stamp_ns, after.stamp_ns, least);
+            *(if is_excused { &mut away } else { &mut otherwise }) += rise;
+        }
+        println!("{what}: {away} while a processor was away, of {} answers", answers.len());
         assert_eq!(otherwise, 0, "{what}, beside {away} while a processor was away: {log}");
         assert!(away < 50, "of a run of which so much is missing nothing is known: {log}");
     }

@@ -30,7 +30,7 @@ mod strace;
 mod systemd;
 mod terminal;
 
-pub use answers::{Answers, Rises};
+pub use answers::Answers;
 pub use binaries::{Binaries, binaries};
 pub use child::{Child, PATIENCE, wait_until};
 pub use driven_clock::DrivenClock;

@@ -228,19 +228,19 @@ fn pause_after(runs: usize) -> Duration {
 }
 
 /// Runs a test in real time; when it fails, and a witness saw that the machine disturbed it, once
-/// more, after a pause that grows, as long as no other test of this process has used up its runs. A run that fails undisturbed fails the test, and so does the tenth that fails. `None`, and
-/// SKIPPED is said, only when the machine took a processor away for a cycle or longer in all ten,
-/// and no more than half of them failed at the same place.
+/// more, after a pause that grows, as long as no test of this process has come to its last run. A run
+/// that fails undisturbed fails the test, and so does the tenth that fails. `None`, and SKIPPED is
+/// said, only when the machine took a processor away for a cycle or longer in all ten, and no more
+/// than half of them failed at the same place.
 ///
 /// # Panics
 /// As the last run does.
 pub fn undisturbed<T>(run: impl FnMut() -> T) -> Option<T> {
     // What is broken is to be told today.
-    static USED_UP: AtomicBool = AtomicBool::new(false);
+    static IS_HURRIED: AtomicBool = AtomicBool::new(false);
     repeated(run, |runs| {
-        let is_patient = !USED_UP.load(Ordering::Relaxed);
-        USED_UP.fetch_or(runs + 1 == TRIES, Ordering::Relaxed);
-        if is_patient { pause_after(runs) } else { Duration::ZERO }
+        let was_hurried = IS_HURRIED.fetch_or(runs + 1 == TRIES, Ordering::Relaxed);
+        if was_hurried { Duration::ZERO } else { pause_after(runs) }
     })
 }
 

@@ -42,8 +42,8 @@ const FLOOR: f64 = 0.1;
 const FLOOR_PART: f64 = 0.005;
 /// The same of what f̂ still shows of a contact before.
 const FADING_PART: f64 = 0.2;
-/// By how much f̂ may be off throughout a touch: a part of what is felt, and N at most, a quarter of a kilogram. A tool is not as
-/// heavy as told, T_est not as long.
+/// By how much f̂ may be off throughout a touch, since a tool is not as heavy as told, or T_est not as long: a part of what is felt,
+/// and at most so many N, which a quarter of a kilogram weighs.
 const OFFSET_PART: f64 = 0.5;
 const OFFSET: f64 = 2.5;
 /// How long a touch takes from when it was noticed beyond the lag of f̂, s.

@@ -179,8 +179,8 @@ impl Touch {
             None => {
                 let wanted = if in_contact { EVIDENCE_IN_CONTACT } else { EVIDENCE };
                 if -best.cost > wanted {
-                    (self.noticed, self.samples, self.constant) = (Some(0.0), 0, -best.cost);
-                    self.weights = 0.0;
+                    (self.noticed, self.samples, self.weights) = (Some(0.0), 0, 0.0);
+                    self.constant = -best.cost;
                 }
             }
             Some(_) if -best.cost < NO_EVIDENCE => self.noticed = None,

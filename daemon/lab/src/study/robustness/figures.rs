@@ -132,8 +132,9 @@ pub(super) struct Figures {
     /// Runs that are over the limit though attainable, lose contact late, or stop falsely.
     bad: usize,
     by_cause: BTreeMap<Cause, OfCause>,
+    /// Each of them.
     pub(super) bad_runs: Vec<Bad>,
-    /// The same of all silent ones.
+    /// The commands that show silent ones again.
     silent_runs: Vec<String>,
 }
 
@@ -168,7 +169,13 @@ impl Figures {
                 by_cause.entry(cause).or_default().count(run.faults(), alone, without);
             }
         }
-        let bad = || runs.iter().filter(|run| run.is_bad());
+        let bad = runs.iter().filter(|run| run.is_bad()).map(|run| Bad {
+            command: command(seed, told, run.index),
+            cell: run.cell,
+            speed: run.speed,
+            faults: run.faults(),
+        });
+        let bad_runs: Vec<Bad> = bad.collect();
         Self {
             seed,
             all: Counts::of(runs.iter()),
@@ -181,16 +188,9 @@ impl Figures {
                     by_speed: by_speed(runs.iter().filter(|run| run.cell == *name)),
                 })
                 .collect(),
-            bad: bad().count(),
+            bad: bad_runs.len(),
             by_cause,
-            bad_runs: bad()
-                .map(|run| Bad {
-                    command: command(seed, told, run.index),
-                    cell: run.cell,
-                    speed: run.speed,
-                    faults: run.faults(),
-                })
-                .collect(),
+            bad_runs,
             silent_runs: runs
                 .iter()
                 .filter(|run| run.contact.is_silent())

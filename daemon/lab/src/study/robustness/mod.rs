@@ -366,16 +366,21 @@ mod tests {
         }
     }
 
+    /// A touch at half speed, of a controller that is told what the study tells.
+    fn at_half_speed(cell: &Cell, seed: u64, index: u64) -> Contact {
+        let cell = Told::default().tell(cell.clone());
+        let world = plausible::world(seed, index, cell.config().robot.joint.len());
+        let scenario = cell.scenario(&world, SPEEDS[1] * cell.highest_speed_m_s, |_| true);
+        plausible::press(cell.config(), &scenario).unwrap()
+    }
+
     /// `--seed 910001`: loops of first order that are told to be of second order brake at once. By the model as told
     /// the limit could not be kept, and the arm was stopped, at 0.79 and 0.86 times the limit.
     #[test]
     fn an_arm_that_brakes_earlier_than_told_is_not_stopped() {
         for (name, index) in [("six joints, 1 ms", 639), ("seven joints, 1 ms", 785)] {
             let (_, cell) = cells::with_speeds(&[name], 1).unwrap().remove(0);
-            let cell = Told::default().tell(cell);
-            let world = plausible::world(910_001, index, cell.config().robot.joint.len());
-            let scenario = cell.scenario(&world, SPEEDS[1] * cell.highest_speed_m_s, |_| true);
-            let contact = plausible::press(cell.config(), &scenario).unwrap();
+            let contact = at_half_speed(&cell, 910_001, index);
             assert_eq!((contact.stop_reason, contact.is_over), (None, false), "{name}: {contact:?}");
         }
     }
@@ -394,10 +399,7 @@ mod tests {
             ("six joints, 1 ms", 640_021, 711),
         ] {
             let (_, cell) = cells.iter().find(|(of, _)| *of == name).unwrap();
-            let cell = Told::default().tell(cell.clone());
-            let world = plausible::world(seed, index, cell.config().robot.joint.len());
-            let scenario = cell.scenario(&world, SPEEDS[1] * cell.highest_speed_m_s, |_| true);
-            let contact = plausible::press(cell.config(), &scenario).unwrap();
+            let contact = at_half_speed(cell, seed, index);
             assert_eq!((contact.stop_reason, contact.late_losses), (None, 0), "{seed} {index}: {contact:?}");
         }
     }
@@ -410,10 +412,7 @@ mod tests {
             [("planar, 1 ms", 3, 835), ("six joints, 1 ms", 1, 531), ("seven joints, 1 ms", 2, 191)]
         {
             let (_, cell) = cells::with_speeds(&[name], 1).unwrap().remove(0);
-            let cell = Told::default().tell(cell);
-            let world = plausible::world(seed, index, cell.config().robot.joint.len());
-            let scenario = cell.scenario(&world, SPEEDS[1] * cell.highest_speed_m_s, |_| true);
-            let contact = plausible::press(cell.config(), &scenario).unwrap();
+            let contact = at_half_speed(&cell, seed, index);
             assert_eq!((contact.stop_reason, contact.is_over), (None, false), "{seed} {index}: {contact:?}");
         }
     }
