@@ -9,7 +9,7 @@ use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::SetPoint;
 use super::drive_way::DriveWay;
 use super::every_surface::{of_set, pressing_everywhere, shown_beyond};
-use super::full_outward::outward;
+use super::fastest_outward::outward;
 use super::late_arm::{free_of_told, pressed_late};
 use super::qp::QpSolver;
 use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};

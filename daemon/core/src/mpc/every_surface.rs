@@ -7,7 +7,8 @@
 use nalgebra::SVector;
 
 use super::constraints::AxisBound;
-use super::full_outward::{deepest_of, helped, outward};
+use super::fastest_outward::outward;
+use super::full_outward::{deepest_of, helped};
 use super::late_arm::{free_below, pressed_late};
 use super::qp::QpSolver;
 use super::{Mpc, Settings, Situation, Verdict};

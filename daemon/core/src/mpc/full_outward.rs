@@ -3,6 +3,7 @@
 use nalgebra::SVector;
 
 use super::constraints::{AxisBound, ForceBounds};
+use super::fastest_outward::outward;
 use super::model::State;
 use super::{Discretization, Settings, Situation};
 
@@ -11,8 +12,6 @@ pub(super) const INSTANTS: f64 = 16.0;
 pub(super) const LAGS: usize = 5;
 /// The same where the drives have to ramp up to it first: longer than any arm takes that is not told to creep.
 const RAMPED_LAGS: usize = 40;
-/// An axis without input keeps its twist within this, m/s and rad/s.
-const SAME: f64 = 1e-9;
 
 /// Part of f_max by which the row of a depth that can't be helped leaves room.
 const ROOM: f64 = 1e-3;
@@ -84,36 +83,4 @@ fn deepest_force<const N: usize, const D: usize>(
         }
     }
     (deepest, when)
-}
-
-/// The joint velocities in rad/s that lead out fastest: every joint at its limit, or where the
-/// offset does not allow that, along the normal as fast as both limits allow.
-pub(super) fn outward<const N: usize, const D: usize>(
-    settings: &Settings<N, D>,
-    situation: &Situation<'_, N, D>,
-) -> SVector<f64, N> {
-    let (limits, sample) = (&settings.limits, situation.sample);
-    let normal = &situation.belief.surface().normal;
-    let jacobian = sample.posture.jacobian();
-    // (What the law resolves itself is an image of the twist: not every joint can be at its limit.)
-    if let Some(speed) = limits.joint_speed.as_ref().filter(|_| !situation.beside.is_ours()) {
-        let lever = jacobian.tr_mul(normal);
-        let fastest = lever.zip_map(speed, |lever, speed| libm::copysign(speed, lever));
-        let offset = jacobian * fastest - sample.twist_reference;
-        let allowed = |axis: usize| if settings.admittance[axis] { limits.offset[axis] } else { SAME };
-        if (0..D).all(|axis| offset[axis].abs() <= allowed(axis)) {
-            return fastest;
-        }
-    }
-    let along = SVector::<f64, D>::from_fn(|axis, _| if settings.admittance[axis] { normal[axis] } else { 0.0 });
-    let commanded = situation.told_with(&sample.twist_reference);
-    let by_offset = situation.joint_velocity(&along);
-    let within = |least: f64, (limit, value): (f64, f64)| least.min(limit / value.abs().max(f64::MIN_POSITIVE));
-    let most = (0..D).map(|axis| (limits.offset[axis], along[axis])).fold(f64::INFINITY, within);
-    let most = limits.joint_speed.as_ref().map_or(most, |speed| {
-        let left = (0..N)
-            .map(|joint| (speed[joint] - libm::copysign(1.0, by_offset[joint]) * commanded[joint], by_offset[joint]));
-        left.fold(most, within).max(0.0)
-    });
-    commanded + by_offset * most
 }

@@ -4,7 +4,8 @@
 use nalgebra::SVector;
 
 use super::constraints::ForceBounds;
-use super::full_outward::{INSTANTS, LAGS, deepest_of, outward};
+use super::fastest_outward::outward;
+use super::full_outward::{INSTANTS, LAGS, deepest_of};
 use super::model::State;
 use super::{Discretization, Settings, Situation};
 use crate::belief::{Peak, Swing};

@@ -60,6 +60,7 @@ mod contact;
 pub mod cost;
 mod drive_way;
 mod every_surface;
+mod fastest_outward;
 #[doc(hidden)]
 pub mod force_points;
 mod full_outward;

@@ -109,7 +109,7 @@ pub(crate) fn run(draw: &Draw, config: &Config, scenario: &Scenario) -> Result<S
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
     while let Some(Step { state, command, truth, .. }) = run.step()? {
         let position = &state.joint_position[..arm.joints()];
-        if seen.first_active.is_none() && is_active(draw, position, &state.wrench) {
+        if seen.first_active.is_none() && is_active(draw, position, &state.wrench, ACTIVATION_THRESHOLD_N) {
             let first = first_active(arm.joints(), &state.joint_position, &state.joint_velocity, &truth);
             seen.peak_n = truth.normal_force_n * weight(position);
             losses_before = truth.contact_losses;
@@ -157,9 +157,9 @@ pub(crate) fn run(draw: &Draw, config: &Config, scenario: &Scenario) -> Result<S
 }
 
 /// Whether a wrench (base frame) is above β along a direction that gives way.
-fn is_active(draw: &Draw, position: &[f64], wrench: &[f64]) -> bool {
+pub(crate) fn is_active(draw: &Draw, position: &[f64], wrench: &[f64], threshold_n: f64) -> bool {
     let force = draw.task.seen(&draw.arm, position, draw.normal(), [wrench[0], wrench[1], wrench[2]]);
-    force.iter().zip(&draw.task.gives_way).any(|(force, gives)| *gives && force.abs() > ACTIVATION_THRESHOLD_N)
+    force.iter().zip(&draw.task.gives_way).any(|(force, gives)| *gives && force.abs() > threshold_n)
 }
 
 pub(crate) fn first_active(joints: usize, position: &[f64], velocity: &[f64], truth: &TruthSample) -> FirstActive {

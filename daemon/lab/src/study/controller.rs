@@ -9,6 +9,7 @@ use admittance_runner::config::Config;
 use nalgebra::Rotation3;
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
+use toml::{Table, Value};
 
 use super::arm::{Arm, Joint, Kind, PlanarTwo};
 use super::draw::{ACTIVATION_THRESHOLD_N, AFTER_CONTACT_S, APPROACH_S, Draw, LONGEST_STOP_S};
@@ -21,7 +22,7 @@ const SUBSTEP_S: f64 = 25e-6;
 /// Offset limits in m/s that never bind: joint speeds are what is limited.
 const OFFSET_LIMIT_M_S: f64 = 20.0;
 /// β of torques, in N m.
-const ACTIVATION_THRESHOLD_N_M: f64 = 1.0;
+pub(crate) const ACTIVATION_THRESHOLD_N_M: f64 = 1.0;
 const LEAST_CONDITION: f64 = 0.001;
 
 /// What the controller believes about the surface.
@@ -94,11 +95,8 @@ pub(crate) fn controller_text(draw: &Draw, profile: Profile, variant: Variant) -
     let (out_m, factor) = variant.belief();
     let (normal, point) = (draw.normal(), draw.contact_point_m());
     let sampling_time = draw.sampling_time_s;
-    // Of x y z, and of rx ry rz where the arm has them.
     let axes = draw.arm.task_axes();
-    let of_axes = |linear: f64, turning: f64| -> Vec<f64> {
-        (0..axes).map(|axis| if axis < 3 { linear } else { turning }).collect()
-    };
+    let of_axes = |linear: f64, turning: f64| draw.of_axes(linear, turning);
     let minimum_force = match profile {
         Profile::Default => draw.minimum_force.clone(),
         Profile::Paper => of_axes(0.0, 0.0),
@@ -267,6 +265,14 @@ fn arm_sections(draw: &Draw) -> String {
             let _ = write!(text, "[robot.tool]\norigin_m = {origin:?}\norigin_rpy_rad = {rpy:?}\n");
             text
         }
+    }
+}
+
+/// A value of a table of tables.
+pub(crate) fn set(table: &mut Table, section: &str, key: &str, value: impl Into<Value>) {
+    let entry = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
+    if let Value::Table(entry) = entry {
+        entry.insert(key.to_owned(), value.into());
     }
 }
 

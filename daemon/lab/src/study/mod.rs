@@ -43,7 +43,8 @@ enum What {
     #[command(after_help = "Examples:\n  admittance-lab study verdict --runs 1000 --seed 1\n  \
         admittance-lab study verdict --runs 10000 --seed 1 --json > verdict.json\n  \
         admittance-lab study verdict --arms all --runs 5000 --seed 3\n  \
-        admittance-lab study verdict --surface range50 --noise-n 0.5 --sampling-time 0.001 --runs 1000 --seed 1\n\n\
+        admittance-lab study verdict --surface range50 --noise-n 0.5 --sampling-time 0.001 --runs 1000 --seed 1\n  \
+        admittance-lab study verdict --surface range50 --arms six,seven --noise-n 0.5 --sampling-time 0.001 --seed 1\n\n\
         First active sample: the first whose wrench estimate exceeds the activation threshold on an axis. Attainable: from \
         its state some input, held for a sampling time each, keeps the force limits for 100 ms. Feasible: no verdict of the \
         run is infeasible. Unsound: a limit exceeded by more than 0.5 N + 0.5 % in a cycle whose verdict was feasible. \
@@ -99,7 +100,7 @@ struct VerdictArgs {
     seed: u64,
     /// Random arms that take turns, in random frames and directions, in place of the planar one with
     /// two joints: all, or some of planar-2r planar-3r scara gantry five six six-on-rail seven eight, with commas.
-    #[arg(long, conflicts_with_all = ["surface", "figure"])]
+    #[arg(long, conflicts_with = "figure")]
     arms: Option<Arms>,
     /// Drives that refuse jumps: random limits of acceleration and jerk of each joint, told to controller and plant.
     #[arg(long, conflicts_with_all = ["surface", "figure"])]
@@ -124,7 +125,8 @@ struct VerdictArgs {
     inputs: Option<u8>,
     #[command(flatten)]
     not_as_told: unknown::NotAsTold,
-    /// With --surface or --world rigid-body: one case of it, in full.
+    /// With --surface or --world rigid-body: one case of it, in full; with --arms a number means the same whichever
+    /// arms there are.
     #[arg(long)]
     index: Option<u64>,
     #[command(flatten)]
@@ -199,7 +201,8 @@ fn verdict(args: &VerdictArgs) -> Result<Exit, (Exit, String)> {
     }
     if let Some(told) = args.surface {
         let VerdictArgs { noise_n, risk, not_as_told, seed, inputs, sampling_time: sampling_time_s, .. } = *args;
-        let world = unknown::World { told, noise_n, risk, sampling_time_s, inputs, not_as_told, seed };
+        let arms = args.arms.clone();
+        let world = unknown::World { arms, told, noise_n, risk, sampling_time_s, inputs, not_as_told, seed };
         if told == unknown::Told::Known
             && let Some(option) = not_as_told.of_a_range()
         {

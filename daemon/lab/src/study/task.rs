@@ -66,6 +66,12 @@ impl Task {
         self.bounded(seen).map(|(axis, part)| self.force_limit[axis] / part.abs()).fold(f64::INFINITY, f64::min)
     }
 
+    /// Normal force in N at which every direction that gives way presses with its least force.
+    pub(crate) fn least_normal_force_n(&self, arm: &Arm, q: &[f64], normal: [f64; 3], minimum_force: &[f64]) -> f64 {
+        let seen = self.seen(arm, q, normal, normal);
+        self.bounded(seen).map(|(axis, part)| minimum_force[axis] / part.abs()).fold(0.0, f64::max)
+    }
+
     /// The part of the normal along the directions that give way: (its length, the largest component).
     pub(crate) fn giving_part(&self, arm: &Arm, q: &[f64], normal: [f64; 3]) -> (f64, f64) {
         let parts: Vec<f64> = self.bounded(self.seen(arm, q, normal, normal)).map(|(_, part)| part.abs()).collect();

@@ -40,15 +40,28 @@ impl AnyArm {
     /// # Errors
     /// A sentence when no acceptable pose is found.
     pub(crate) fn new(seed: u64, index: u64) -> Result<Self, String> {
+        Self::of(HARDEST_N_M, true, seed, index)
+    }
+
+    /// The same among surfaces of at most `hardest_n_m` that have to be found, which is done in directions of the base
+    /// frame.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(crate) fn up_to(hardest_n_m: f64, seed: u64, index: u64) -> Result<Self, String> {
+        Self::of(hardest_n_m, false, seed, index)
+    }
+
+    fn of(hardest_n_m: f64, in_any_frame: bool, seed: u64, index: u64) -> Result<Self, String> {
         let arms = ArmName::ALL.len() as u64;
         let name = ArmName::ALL[(index % arms) as usize];
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(index);
         // As without --arms: kept over all tries, and every second case of an arm near the boundary.
-        let stiffness_n_m = log_uniform(&mut generator, SOFTEST_N_M, HARDEST_N_M);
+        let stiffness_n_m = log_uniform(&mut generator, SOFTEST_N_M, hardest_n_m);
         let near_the_boundary = (index / arms) % 2 == 1;
         for _ in 0..MOST_TRIES {
-            let draw = candidate(&mut generator, (index, name), stiffness_n_m, near_the_boundary);
+            let draw = candidate(&mut generator, (index, name), in_any_frame, stiffness_n_m, near_the_boundary);
             let most_share = |draw: &Draw| if draw.task.is_free(&draw.arm) { f64::INFINITY } else { 1.0 };
             let is_good =
                 |draw: &Draw| draw.is_reachable(&CONDITIONS, most_share(draw)) && controller::can_be_set_up(draw);
@@ -70,12 +83,13 @@ impl AnyArm {
 fn candidate(
     generator: &mut ChaCha8Rng,
     (index, name): (u64, ArmName),
+    in_any_frame: bool,
     stiffness_n_m: f64,
     near_the_boundary: bool,
 ) -> Option<Draw> {
     let arm = name.arm(generator);
     let (approach, lean) = motion(name, generator);
-    let task = task(name, &arm, generator);
+    let task = task(name, &arm, in_any_frame, generator);
     let turn_rad_s = turn(&task, generator);
     let linear = arm.task_axes().min(3);
     let kinds: Vec<Kind> = match &arm {
@@ -143,7 +157,7 @@ fn motion(name: ArmName, generator: &mut ChaCha8Rng) -> ([f64; 3], [f64; 3]) {
 }
 
 /// Frame and directions; limits come later.
-fn task(name: ArmName, arm: &Arm, generator: &mut ChaCha8Rng) -> Task {
+fn task(name: ArmName, arm: &Arm, in_any_frame: bool, generator: &mut ChaCha8Rng) -> Task {
     let mut one_in = |count: u32| generator.random_range(0..count) == 0;
     let mut controlled = name.controls().to_vec();
     // The arm controls some turns of the tool, and others not: then only the base frame will do.
@@ -152,7 +166,7 @@ fn task(name: ArmName, arm: &Arm, generator: &mut ChaCha8Rng) -> Task {
         controlled.retain(|axis| *axis < 3 || one_in(2));
     }
     let turns = controlled.iter().filter(|axis| **axis >= 3).count();
-    let must_be_base = name.may_tilt() && turns > 0 && turns < 3;
+    let must_be_base = !in_any_frame || name.may_tilt() && turns > 0 && turns < 3;
     // All directions give way, or the linear ones, or any.
     let which = generator.random_range(0..3);
     let gives_way = (0..arm.task_axes()).map(|axis| match which {

@@ -116,6 +116,11 @@ impl Draw {
         linear.into_iter().chain(self.turn_rad_s).take(self.arm.task_axes()).collect()
     }
 
+    /// One number for each task axis: of x y z, and of rx ry rz where the arm has them.
+    pub(crate) fn of_axes(&self, linear: f64, turning: f64) -> Vec<f64> {
+        (0..self.arm.task_axes()).map(|axis| if axis < 3 { linear } else { turning }).collect()
+    }
+
     /// Where the TCP first touches, in m.
     pub(crate) fn contact_point_m(&self) -> [f64; 3] {
         self.arm.tcp(&self.contact_position)

@@ -10,7 +10,8 @@ use plant_sim::run::VirtualRun;
 use plant_sim::scenario::{MotionSection, Scenario};
 use toml::{Table, Value};
 
-use super::draw::{Cell, numbers, set};
+use super::super::controller::set;
+use super::draw::{Cell, numbers};
 
 /// Touches at these speeds, m/s, and how long they press, s.
 const TOUCHES_M_S: [f64; 3] = [0.04, 0.06, 0.08];

@@ -9,6 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use toml::{Table, Value};
 
+use super::super::controller::set;
+
 /// The kinds of arms, which take turns.
 pub(super) const KINDS: [&str; 3] = ["planar", "six joints", "seven joints"];
 /// Cycle times in s.
@@ -136,14 +138,6 @@ fn files(kind: usize) -> (&'static str, &'static str) {
             include_str!("../../../../../deploy/robots/seven-joint.toml"),
             include_str!("../../../../../plant-sim/scenarios/seven-joint.toml"),
         ),
-    }
-}
-
-/// A value of a table of tables.
-pub(super) fn set(table: &mut Table, section: &str, key: &str, value: impl Into<Value>) {
-    let entry = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
-    if let Value::Table(entry) = entry {
-        entry.insert(key.to_owned(), value.into());
     }
 }
 

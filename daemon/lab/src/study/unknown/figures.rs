@@ -40,6 +40,9 @@ struct Examples {
 /// and failed ones are apart: in none of the others.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Figures {
+    /// The arms, where they are others than the planar one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    arms: Option<Vec<&'static str>>,
     surface: Told,
     noise_n: f64,
     sampling_time_s: Option<f64>,
@@ -111,6 +114,7 @@ fn example(list: &mut Vec<u64>, case: &Case) {
 impl Figures {
     pub(super) fn of(world: &World, cases: &[Case]) -> Self {
         let mut figures = Self {
+            arms: world.arms.as_ref().map(|arms| arms.0.iter().map(|arm| arm.name()).collect()),
             surface: world.told,
             noise_n: world.noise_n,
             sampling_time_s: world.sampling_time_s,
@@ -260,7 +264,16 @@ mod tests {
     fn of(cases: &[(f64, Run<'_>)]) -> Figures {
         let not_as_told = super::super::tests::AS_TOLD;
         let (told, sampling_time_s) = (Told::Range10, None);
-        let world = World { told, noise_n: 0.0, risk: None, sampling_time_s, inputs: None, not_as_told, seed: SEED };
+        let world = World {
+            arms: None,
+            told,
+            noise_n: 0.0,
+            risk: None,
+            sampling_time_s,
+            inputs: None,
+            not_as_told,
+            seed: SEED,
+        };
         let case = |index: usize| {
             let draw = Draw::up_to(5e5, SEED, index as u64).unwrap();
             let (attainable, seen) = &cases[index];

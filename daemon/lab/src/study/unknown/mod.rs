@@ -9,11 +9,12 @@ use std::fmt::Write as _;
 
 use admittancectl::parallel;
 use serde::Serialize;
+use toml::Table;
 
 use super::attainable::Contact;
 use super::closed_loop;
-use super::controller::{self, Profile, Variant};
-use super::draw::{ACTIVATION_THRESHOLD_N, Draw, SOFTEST_N_M};
+use super::controller::{self, ACTIVATION_THRESHOLD_N_M, Profile, Variant, set};
+use super::draw::{ACTIVATION_THRESHOLD_N, AnyArm, Arms, Draw, SOFTEST_N_M};
 use figures::Figures;
 pub(crate) use not_as_told::{NotAsTold, noise, risk};
 use run::Seen;
@@ -43,8 +44,10 @@ pub(crate) enum Told {
 }
 
 /// What the contacts of a study have in common.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct World {
+    /// The arms that take turns; `None` is the planar one with two joints.
+    pub(crate) arms: Option<Arms>,
     pub(crate) told: Told,
     pub(crate) noise_n: f64,
     /// contact.risk, where it is not the default.
@@ -74,9 +77,9 @@ impl Case {
     /// |true force at the end − asked| in N: the minimum forces of axes are asked for along the normal
     /// that is told.
     fn settled_error_n(&self, seen: &Seen) -> f64 {
-        let normal = self.told.normal();
-        let along = |axis: usize| self.told.minimum_force[axis] / normal[axis].max(f64::MIN_POSITIVE);
-        (seen.resting_n - along(0).max(along(1))).abs()
+        let Draw { task, arm, minimum_force, contact_position, .. } = &self.told;
+        let asked_n = task.least_normal_force_n(arm, contact_position, self.told.normal(), minimum_force);
+        (seen.resting_n - asked_n).abs()
     }
 }
 
@@ -100,49 +103,60 @@ impl World {
         Some([least, least * width])
     }
 
-    /// β of every axis in N.
+    /// β of every direction in N.
     fn threshold_n(&self) -> f64 {
-        ACTIVATION_THRESHOLD_N.max(LEAST_THRESHOLD * self.noise_n)
+        self.at_least(ACTIVATION_THRESHOLD_N)
+    }
+
+    /// The plant's noise is as many N m on torques as N on forces.
+    fn at_least(&self, threshold: f64) -> f64 {
+        threshold.max(LEAST_THRESHOLD * self.noise_n)
     }
 
     fn controller(&self, draw: &Draw) -> Result<admittance_runner::config::Config, String> {
-        let tolerance = self.not_as_told.tilt_deg.to_radians();
-        let range = self.range(draw).map_or_else(String::new, |range| {
-            format!("stiffness_range_n_m = {range:?}\nnormal_tolerance_rad = {tolerance:?}\n")
-        });
-        let contact = if self.not_as_told.contact_tolerance_m > 0.0 && !range.is_empty() {
-            let point = self.not_as_told.told_point_m(draw, draw.contact_point_m());
-            format!("contact_point_m = {point:?}\ncontact_tolerance_m = {:?}", self.not_as_told.contact_tolerance_m)
-        } else {
-            "contact = \"detected\"".to_owned()
-        };
-        let inputs = self.inputs.map_or((draw.sampling_time_s / INPUT_S).ceil().max(1.0), f64::from);
-        let text = controller::controller_text(draw, Profile::Default, Variant::Detected)
-            .replace("[mpc]\n", &format!("[mpc]\ninputs_per_cycle = {inputs}\n"))
-            .replace(
-                "contact = \"detected\"",
-                &format!("{contact}\nwrench_noise_n = {:?}\n{range}", self.noise_n * self.not_as_told.told_noise),
-            );
-        let usual = format!("activation_threshold = {:?}", [ACTIVATION_THRESHOLD_N; 2]);
-        let text = text.replace(&usual, &format!("activation_threshold = {:?}", [self.threshold_n(); 2]));
-        let risk = self.risk.map_or_else(String::new, |risk| format!("risk = {risk:?}\n"));
-        let text = text.replace("[contact]\n", &format!("[contact]\n{risk}"));
-        let told = self.range(draw).map_or(draw.stiffness_n_m, |[least, most]| (least * most).sqrt());
-        let known = format!("normal_stiffness_n_m = {:?}\n", draw.stiffness_n_m);
-        let text = text.replace(&known, &format!("normal_stiffness_n_m = {told:?}\n"));
-        let text = self.not_as_told.controller_text(draw, &text);
-        admittance_host::config::parse(&text, "controller.toml").map_err(|errors| errors.to_string())
+        let mut config = table(&controller::controller_text(draw, Profile::Default, Variant::Detected))?;
+        let inputs = self.inputs.map_or((draw.sampling_time_s / INPUT_S).ceil().max(1.0) as i64, i64::from);
+        set(&mut config, "mpc", "inputs_per_cycle", inputs);
+        let thresholds = draw.of_axes(self.threshold_n(), self.at_least(ACTIVATION_THRESHOLD_N_M));
+        set(&mut config, "contact", "activation_threshold", thresholds);
+        if let Some(risk) = self.risk {
+            set(&mut config, "contact", "risk", risk);
+        }
+        set(&mut config, "environment", "wrench_noise_n", self.noise_n * self.not_as_told.told_noise);
+        if let Some([least, most]) = self.range(draw) {
+            set(&mut config, "environment", "normal_stiffness_n_m", (least * most).sqrt());
+            set(&mut config, "environment", "stiffness_range_n_m", vec![least, most]);
+            let tolerance = self.not_as_told.tilt_deg.to_radians();
+            set(&mut config, "environment", "normal_tolerance_rad", tolerance);
+            if self.not_as_told.contact_tolerance_m > 0.0 {
+                let point = self.not_as_told.told_point_m(draw, draw.contact_point_m());
+                set(&mut config, "environment", "contact", "configured");
+                set(&mut config, "environment", "contact_point_m", point.to_vec());
+                set(&mut config, "environment", "contact_tolerance_m", self.not_as_told.contact_tolerance_m);
+            }
+        }
+        self.not_as_told.tell(draw, &mut config);
+        admittance_host::config::parse(&config.to_string(), "controller.toml").map_err(|errors| errors.to_string())
     }
 
     fn scenario(&self, draw: &Draw) -> Result<plant_sim::scenario::Scenario, String> {
-        let noise = format!("[noise]\nwrench = {:?}\nseed = {}\n", self.noise_n, self.seed + 1000 * draw.index);
-        let text = controller::scenario_text(draw).replace("[noise]\n", &noise);
-        let text = self.not_as_told.scenario_text(draw, &text);
-        admittance_host::config::parse(&text, "scenario.toml").map_err(|errors| errors.to_string())
+        let mut scenario = table(&controller::scenario_text(draw))?;
+        set(&mut scenario, "noise", "wrench", self.noise_n);
+        set(&mut scenario, "noise", "seed", (self.seed + 1000 * draw.index) as i64);
+        self.not_as_told.put_into(draw, &mut scenario);
+        admittance_host::config::parse(&scenario.to_string(), "scenario.toml").map_err(|errors| errors.to_string())
+    }
+
+    /// The contact with this index.
+    fn draw(&self, index: u64) -> Result<Draw, String> {
+        match &self.arms {
+            None => Draw::up_to(HARDEST_N_M, self.seed, index),
+            Some(_) => AnyArm::up_to(HARDEST_N_M, self.seed, index).map(|arm| arm.draw),
+        }
     }
 
     fn case(&self, index: u64) -> Result<Case, String> {
-        let drawn = Draw::up_to(HARDEST_N_M, self.seed, index)?;
+        let drawn = self.draw(index)?;
         let told = Draw { sampling_time_s: self.sampling_time_s.unwrap_or(drawn.sampling_time_s), ..drawn };
         let draw = self.not_as_told.actual(&told);
         let (config, scenario) = (self.controller(&told)?, self.scenario(&draw)?);
@@ -163,7 +177,8 @@ impl World {
     /// # Errors
     /// A case that could not be drawn.
     pub(crate) fn figures(&self, runs: u64, threads: usize) -> Result<Figures, String> {
-        let cases = parallel::map(runs, threads, "contacts", |index| self.case(index))?;
+        let index = |case| self.arms.as_ref().map_or(case, |Arms(arms)| AnyArm::index_of(arms, case));
+        let cases = parallel::map(runs, threads, "contacts", |case| self.case(index(case)))?;
         Ok(Figures::of(self, &cases))
     }
 
@@ -189,6 +204,10 @@ impl World {
     }
 }
 
+fn table(text: &str) -> Result<Table, String> {
+    text.parse().map_err(|error: toml::de::Error| error.to_string())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -207,6 +226,7 @@ mod tests {
     /// By how much the force at the end is not the one that is asked, N.
     fn settled_error_n(told: Told, index: u64) -> f64 {
         let world = World {
+            arms: None,
             told,
             noise_n: 0.0,
             risk: None,

@@ -4,7 +4,9 @@
 use std::ops::RangeInclusive;
 
 use serde::Serialize;
+use toml::Table;
 
+use super::super::controller::set;
 use super::super::draw::Draw;
 
 /// By how much the worlds are not as they are told.
@@ -118,24 +120,21 @@ impl NotAsTold {
     }
 
     /// The controller's configuration with it.
-    pub(super) fn controller_text(&self, told: &Draw, text: &str) -> String {
-        let lag = |lag: f64| format!("wrench_time_constant_s = {:?}", [lag; 2]);
-        let true_lag = told.wrench_time_constant_s;
-        text.replace(&lag(true_lag), &lag(true_lag * self.told_lag))
+    pub(super) fn tell(&self, told: &Draw, config: &mut Table) {
+        let lag = told.wrench_time_constant_s * self.told_lag;
+        set(config, "contact", "wrench_time_constant_s", told.of_axes(lag, lag));
     }
 
     /// The plant's scenario with it.
-    pub(super) fn scenario_text(&self, draw: &Draw, text: &str) -> String {
-        let Self { friction, damping, .. } = self;
-        let surface = format!("[surface]\nfriction = {friction:?}\ndamping_n_s_m = {damping:?}\n");
-        let text = text.replace("[surface]\n", &surface);
-        if self.bias_n == 0.0 {
-            return text;
+    pub(super) fn put_into(&self, draw: &Draw, scenario: &mut Table) {
+        set(scenario, "surface", "friction", self.friction);
+        set(scenario, "surface", "damping_n_s_m", self.damping);
+        if self.bias_n != 0.0 {
+            let bias = self.bias_n * side(draw).signum();
+            let [x, y, z] = draw.normal().map(|part| -part * bias);
+            set(scenario, "sensor", "in_base_axes", true);
+            set(scenario, "sensor", "bias", vec![x, y, z, 0.0, 0.0, 0.0]);
         }
-        let bias = self.bias_n * side(draw).signum();
-        let [x, y, _] = draw.normal().map(|part| -part * bias);
-        let sensor = format!("[sensor]\nin_base_axes = true\nbias = {:?}\n\n[noise]\n", [x, y, 0.0, 0.0, 0.0, 0.0]);
-        text.replace("[noise]\n", &sensor)
     }
 }
 

@@ -3,11 +3,12 @@
 use admittance_runner::config::Config;
 use admittance_runner::cycle;
 use admittance_runner::virtual_time::{Step, VirtualTime};
-use ipc_types::{StopReason, Verdict};
+use ipc_types::{Mode, StopReason, Verdict};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
 
-use super::super::closed_loop::{FirstActive, first_active};
+use super::super::arm::dot;
+use super::super::closed_loop::{FirstActive, first_active, is_active};
 use super::super::draw::Draw;
 
 /// The surface is known when it is so for this many samples.
@@ -74,9 +75,11 @@ pub(super) fn run(
     let plant = VirtualRun::new(scenario).map_err(|error| error.to_string())?;
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
     while let Some(Step { state, command, truth, .. }) = run.step()? {
-        let active = state.wrench.iter().any(|force| force.abs() > threshold_n);
+        let position = &state.joint_position[..draw.arm.joints()];
+        let active = is_active(draw, position, &state.wrench, threshold_n);
         if active && truth.in_contact == 1 && seen.first_active.is_none() {
-            seen.first_active = Some(first_active(2, &state.joint_position, &state.joint_velocity, &truth));
+            let joints = draw.arm.joints();
+            seen.first_active = Some(first_active(joints, &state.joint_position, &state.joint_velocity, &truth));
             (losses_before, started) = (truth.contact_losses, state.stamp_ns);
             seen.peak_n = truth.normal_force_n;
         } else if seen.first_active.is_some() {
@@ -115,10 +118,10 @@ pub(super) fn run(
         }
         let belief = run.cycle.belief();
         // Where the tool is, so that a normal that was learned counts as one that was told.
-        let depth = |normal: &[f64], point: &[f64]| -> f64 {
-            (0..2).map(|axis| normal[axis] * (point[axis] - truth.tcp_position[axis])).sum()
+        let depth = |normal: [f64; 3], point: [f64; 3]| {
+            dot(normal, std::array::from_fn(|axis| point[axis] - truth.tcp_position[axis]))
         };
-        let error_m = depth(belief.normal.as_slice(), belief.contact_point.as_slice()) - depth(&normal, &point);
+        let error_m = depth(belief.normal.into(), belief.contact_point.into()) - depth(normal, point);
         let ratio = belief.stiffness / draw.stiffness_n_m;
         let is_known = (ratio - 1.0).abs() <= KNOWN_PART && error_m.abs() <= KNOWN_M;
         let believed = belief.stiffness * (truth.normal_force_n / draw.stiffness_n_m + error_m);
@@ -128,19 +131,21 @@ pub(super) fn run(
         if known == SAMPLES && seen.known_after_s.is_none() {
             seen.known_after_s = Some(since_s - f64::from(SAMPLES - 1) * draw.sampling_time_s);
         }
-        let shown = -(normal[0] * state.wrench[0] + normal[1] * state.wrench[1]);
+        let linear = |values: &[f64]| dot(normal, std::array::from_fn(|axis| values[axis]));
         told(format!(
-            "{:8.3} ms  f̂ {shown:8.3}  f {:8.3} (peak {:8.3})  {} {:8.3} N {:6.4}  k {ratio:7.4}  c {:8.2} um  [{:.3e} {:.3e}]  offset {:7.4}",
+            "{:8.3} ms  f̂ {:8.3}  f {:8.3} (peak {:8.3})  {} {} {:8.3} N {:6.4}  k {ratio:7.4}  c {:8.2} um  [{:.3e} {:.3e}]  offset {:7.4}",
             since_s * 1e3,
+            -linear(&state.wrench),
             truth.normal_force_n,
             truth.peak_normal_force_n,
+            Mode::name_of(command.mode),
             Verdict::name_of(command.verdict),
             command.verdict_margin,
             command.verdict_share,
             error_m * 1e6,
             belief.stiffness_band.0,
             belief.stiffness_band.1,
-            normal[0] * command.velocity_offset[0] + normal[1] * command.velocity_offset[1],
+            linear(&command.velocity_offset),
         ));
     }
     Ok(seen)
