@@ -143,7 +143,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         };
         // Where every surface that may be there presses with a force, as that of the likeliest, and with as much
         // more as may be missing of it.
-        let missing = if set.is_some() && demand.settles { MISSING * shown_beyond(situation) } else { 0.0 };
+        let missing = set.filter(|_| demand.settles).map_or(0.0, |set| MISSING * shown_beyond(set, situation));
         let pressing = |force: f64| set.map_or(force, |set| pressing_everywhere(set, situation, force + missing));
         let mut bounds = ForceBounds::none();
         for axis in (0..D).filter(|&axis| demand.signs[axis] != 0.0) {

@@ -19,8 +19,12 @@ use admittance_vocabulary::Side;
 /// surface can be.
 const SURE: f64 = 3.0;
 const HOPELESS: f64 = 4.0;
-/// Standard deviations of the set that presses with f_min.
+/// Standard deviations of the set that presses with enough, this part of f_min: with all of it the likeliest surface
+/// would be pressed with more by as much as is not known.
 const PRESSING: f64 = 1.0;
+const ENOUGH: f64 = 0.9;
+/// Standard deviations of f̂ that are noise.
+const NOISE: f64 = 2.0;
 /// Within so many seconds the tool comes back from there, with this part of its outward speed at
 /// most.
 const BACK: f64 = 0.01;
@@ -122,10 +126,11 @@ fn scaled_now<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -
     situation.belief.surface().spring_force(situation.sample.posture.pose())
 }
 
-/// By how much f̂ is above the force of the likeliest surface, along the normal, N: above all while that force falls.
-pub(super) fn shown_beyond<const N: usize, const D: usize>(situation: &Situation<'_, N, D>) -> f64 {
+/// By how much f̂ is above the force of the likeliest surface and what may be noise, along the normal, N: above all while
+/// that force falls.
+pub(super) fn shown_beyond<const N: usize, const D: usize>(set: &SurfaceSet, situation: &Situation<'_, N, D>) -> f64 {
     let shown = situation.belief.surface().pressing_force(&situation.sample.wrench);
-    (shown - scaled_now(situation).max(0.0)).max(0.0)
+    (shown - scaled_now(situation).max(0.0) - NOISE * set.noise()).max(0.0)
 }
 
 /// How fast the tool moves along the surface, m/s.
@@ -190,12 +195,22 @@ impl SetBounds {
     }
 }
 
-/// The force of the likeliest surface in N where every surface of the set presses with `force` (N)
-/// at least.
+/// The force in N along the normal that a surface of the set may press with at most where the likeliest one presses
+/// with `force` (N).
+pub(super) fn strongest<const N: usize, const D: usize>(
+    set: &SurfaceSet,
+    situation: &Situation<'_, N, D>,
+    force: f64,
+) -> f64 {
+    set.strongest(scale(situation).0(force), SURE, 0.0)
+}
+
+/// The force of the likeliest surface in N where it presses with `force` (N) at least, and every surface of the set with
+/// enough of that.
 pub(super) fn pressing_everywhere<const N: usize, const D: usize>(
     set: &SurfaceSet,
     situation: &Situation<'_, N, D>,
     force: f64,
 ) -> f64 {
-    scale(situation).1(set.depths_of(force, PRESSING, 0.0).1)
+    scale(situation).1(set.depths_of(ENOUGH * force, PRESSING, 0.0).1).max(force)
 }

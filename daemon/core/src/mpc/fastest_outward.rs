@@ -46,7 +46,7 @@ pub(super) fn outward<const N: usize, const D: usize>(
         speed: &limits.joint_speed,
         offset: &limits.offset,
     };
-    bounds.climb(situation.told_with(&sample.twist_reference), &of_admittance(normal), &of_admittance)
+    bounds.climb(situation.told_with(&sample.twist_reference), &of_admittance(normal), of_admittance)
 }
 
 /// A limit that is met: of a joint, or of the offset on an axis. Upper is its positive end.

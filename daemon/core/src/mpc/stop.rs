@@ -10,7 +10,8 @@ use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::{SetPoint, Weights};
 use super::drive_way::DriveWay;
-use super::model::{Discretization, Model, State};
+use super::every_surface::strongest;
+use super::model::{Discretization, State};
 use super::qp::QpSolver;
 use super::step::position_by;
 use super::{Mpc, Settings, Situation, Solution};
@@ -129,7 +130,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     }
 
     /// Whether the arm may be held: it moves outward or not at all, the measured force is at most
-    /// `stop_force`, and the spring's would not exceed that while the arm coasts to standstill.
+    /// `stop_force`, and the spring's would not exceed that while the arm coasts to standstill, whatever
+    /// surface may be there.
     /// (Held at zero normal velocity alone, unequal joint lags would drive it back in.)
     pub(crate) fn may_rest(&self, situation: &Situation<'_, N, D>) -> bool {
         let (sample, surface) = (situation.sample, situation.belief.surface());
@@ -139,7 +141,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let measured = surface.pressing_force(&sample.wrench).max(situation.belief.pressing_without_lag());
         let inward = -surface.normal;
         let (ramping, state) = self.while_ramping(situation, state, &inward);
-        let coasting = ramping.max(peak_while_coasting(&situation.model, &self.settings.loops, &state, &inward));
+        let coasting = ramping.max(peak_while_coasting(situation, &self.settings.loops, &state));
+        let coasting = situation.belief.set().map_or(coasting, |set| coasting.max(strongest(set, situation, coasting)));
         let limit = self.settings.stop_force;
         outward_speed >= -STANDSTILL && measured <= limit && coasting <= limit
     }
@@ -241,22 +244,27 @@ fn weights<const N: usize, const D: usize>(surface: &Surface<D>, steps: &[f64], 
     }
 }
 
-/// Largest f_lin along `direction` (in N, summed over axes) while the arm coasts from `x` under
-/// zero joint velocity reference, seen at 32 instants until its slowest joint has done 99 %.
+/// Largest pressing force in N along the normal while the arm coasts from `x` under zero joint velocity
+/// reference, seen at 32 instants until its slowest joint has done 99 %. Joints that turn fast coast far, and
+/// J turns with them: the way counts to second order.
 fn peak_while_coasting<const N: usize, const D: usize>(
-    model: &Model<N, D>,
+    situation: &Situation<'_, N, D>,
     loops: &VelocityLoops<N>,
     x: &State<N, D>,
-    direction: &SVector<f64, D>,
 ) -> f64 {
     const INSTANTS: u32 = 32;
+    let (surface, posture) = (situation.belief.surface(), &situation.sample.posture);
+    let inward = -surface.normal;
     let end = 5.0 * loops.slowest() + loops.further_dead_time().max();
     let carried = x.carried();
     let mut peak = f64::NEG_INFINITY;
     for instant in 0..=INSTANTS {
         let by = position_by(end * f64::from(instant) / f64::from(INSTANTS), loops);
-        let q = by.iter().zip(&carried).fold(x.joint_position, |q, (by, carried)| q + by.component_mul(carried));
-        peak = peak.max(direction.dot(&model.linear_wrench(&q)));
+        let way = by.iter().zip(&carried).fold(SVector::zeros(), |way, (by, carried)| way + by.component_mul(carried));
+        // What a velocity makes in a second of a J that stays is the way; what it makes of J̇ is twice the rest.
+        let turned = 0.5 * inward.dot(&posture.acceleration_at_constant_joint_velocity(&way));
+        let linear = inward.dot(&situation.model.linear_wrench(&(x.joint_position + way)));
+        peak = peak.max(linear + surface.normal_stiffness() * turned);
     }
     peak
 }

@@ -40,7 +40,8 @@ config_section! {
     pub struct ContactSection {
         /// Axes that admittance control may take over. Required, unless task.axes names them.
         admittance_axes: Vec<bool> = Vec::new(), length 0..=6, each "axis";
-        /// |f̂| above which an axis joins, β.
+        /// |f̂| above which an axis joins, β. With environment.stiffness_range_n_m a contact begins at 0.8 β already,
+        /// once the samples show a surface.
         activation_threshold: Vec<f64>, unit "N, N m", range 0.001..=1e4, length 2..=6, each "axis";
         /// |f̂| below which an active axis leaves; at most the activation threshold, which the
         /// paper uses for both.

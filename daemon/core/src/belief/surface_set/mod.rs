@@ -118,8 +118,9 @@ pub(crate) struct SurfaceSet {
     is_outside: bool,
     /// What f̂ still shows of a contact before, N.
     fading: f64,
-    /// A surface that begins here, for a force that no surface explains yet.
-    unexplained: Spring,
+    /// How deep the tool is, m, and the force that no surface explains yet, N.
+    depth: f64,
+    unexplained: f64,
     /// Greatest depth since the sample before, m.
     deepest: f64,
     risk: f64,
@@ -168,7 +169,8 @@ impl SurfaceSet {
             remembered: 0.0,
             is_outside: false,
             fading: 0.0,
-            unexplained: Spring { depth: 0.0, stiffness: least },
+            depth: 0.0,
+            unexplained: 0.0,
             deepest: f64::NEG_INFINITY,
             risk: prior.risk,
         }
@@ -206,10 +208,9 @@ impl SurfaceSet {
         (force, beside): (f64, &Vector3<f64>),
         in_contact: bool,
     ) {
-        let unexplained =
-            |force: f64| Spring { depth: depth - force.max(0.0) / self.told.least, stiffness: self.told.least };
+        self.depth = depth;
         let Some(way) = way else {
-            self.unexplained = unexplained(force);
+            self.unexplained = force.max(0.0);
             self.forget();
             return;
         };
@@ -226,7 +227,7 @@ impl SurfaceSet {
         // A touch does not know how much of the friction a slope shows.
         let by_slope = if self.tuning.learns_normal() { self.tuning.slope * beside.norm() } else { 0.0 };
         let force = force - self.fading;
-        self.unexplained = unexplained(force);
+        self.unexplained = force.max(0.0);
         match &mut self.stage {
             Stage::Touch(touch) => {
                 let weight = weight / (1.0 + weight * by_slope * by_slope);
@@ -355,7 +356,7 @@ impl SurfaceSet {
             harder.shift(shift);
         }
         self.deepest += shift;
-        self.unexplained.depth += shift;
+        self.depth += shift;
     }
 
     /// The likeliest surface; `None` before a touch.
@@ -374,7 +375,11 @@ impl SurfaceSet {
 
     /// A surface that would explain the force if it began here; before a touch was noticed.
     pub(crate) fn unexplained(&self) -> Spring {
-        self.unexplained
+        self.unexplained_by(self.told.least)
+    }
+
+    fn unexplained_by(&self, stiffness: f64) -> Spring {
+        Spring { depth: self.depth - self.unexplained / stiffness, stiffness }
     }
 
     /// What f̂ was expected to show of the last sample in N; `None` while that is being learned.
@@ -385,6 +390,11 @@ impl SurfaceSet {
     /// Whether the surface is harder than any that was told.
     pub(crate) fn is_outside(&self) -> bool {
         self.is_outside
+    }
+
+    /// The standard deviation of f̂, N.
+    pub(crate) fn noise(&self) -> f64 {
+        self.tuning.noise
     }
 
     /// From which share of surfaces on that can't be kept below the limit to stop.
@@ -406,7 +416,7 @@ impl SurfaceSet {
     /// The least and greatest depth at which a surface of the set presses with `force` (N), where the
     /// tool is after a `path` (m) along it.
     pub(crate) fn depths_of(&self, force: f64, deviations: f64, path: f64) -> (f64, f64) {
-        let Spring { depth, stiffness } = self.likeliest().unwrap_or(self.unexplained);
+        let Spring { depth, stiffness } = self.likeliest().unwrap_or_else(|| self.unexplained());
         let likeliest = depth + force / stiffness;
         match &self.stage {
             Stage::Touch(touch) => {
@@ -418,9 +428,10 @@ impl SurfaceSet {
         .unwrap_or((likeliest, likeliest))
     }
 
-    /// The greatest force in N at `depth` of a surface of the set, after a `path` (m) along it.
+    /// The greatest force in N at `depth` of a surface of the set, after a `path` (m) along it. Before a touch it may
+    /// begin where the tool is.
     pub(crate) fn strongest(&self, depth: f64, deviations: f64, path: f64) -> f64 {
-        let spring = self.likeliest().unwrap_or(self.unexplained);
+        let spring = self.likeliest().unwrap_or_else(|| self.unexplained_by(self.tuning.range.most));
         match &self.stage {
             Stage::Touch(touch) => {
                 touch.strongest(depth + deviations * self.sloping(path), deviations, &self.tuning.range)
