@@ -238,7 +238,7 @@ mod tests {
             cycle.answer(&state, Instant::from_nanoseconds(state.stamp_ns), &mut || false, &mut command);
             command.sequence += 1;
             let position = &state.joint_position[..draw.arm.joints()];
-            let starts = plan.is_none() && is_active(draw, position, &state.wrench);
+            let starts = plan.is_none() && is_active(draw, position, &state.wrench, ACTIVATION_THRESHOLD_N);
             if starts {
                 let joints = draw.arm.joints();
                 let first = first_active(joints, position, &state.joint_velocity, &TruthSample::zeroed());
