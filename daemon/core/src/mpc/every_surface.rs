@@ -195,14 +195,16 @@ impl SetBounds {
     }
 }
 
-/// The force in N along the normal that a surface of the set may press with at most where the likeliest one presses
-/// with `force` (N).
-pub(super) fn strongest<const N: usize, const D: usize>(
+/// By how much more than now a surface of the set may press at most, N, where the likeliest one would press with `force`
+/// (N) after a `path` (m) along it.
+pub(super) fn most_more<const N: usize, const D: usize>(
     set: &SurfaceSet,
     situation: &Situation<'_, N, D>,
     force: f64,
+    path: f64,
 ) -> f64 {
-    set.strongest(scale(situation).0(force), SURE, 0.0)
+    let deeper = (force - scaled_now(situation)) / situation.belief.surface().normal_stiffness();
+    set.hardest(SURE) * (deeper + SURE * set.sloping(path)).max(0.0)
 }
 
 /// The force of the likeliest surface in N where it presses with `force` (N) at least, and every surface of the set with

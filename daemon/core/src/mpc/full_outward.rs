@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::constraints::{AxisBound, ForceBounds};
-use super::fastest_outward::outward;
+use super::fastest_outward::{WaysOut, ways_out};
 use super::model::State;
 use super::{Discretization, Settings, Situation};
 
@@ -30,7 +30,15 @@ pub(super) fn deepest_of<const N: usize, const D: usize>(
     above_zero.push(AxisBound { axis: largest, sign, minimum: f64::NEG_INFINITY, maximum: 0.0 });
     let start = situation.joints_at_action(settings, &above_zero);
     let until = start.verdict.map_or(0.0, |verdict| verdict.shortfall()) / surface.normal[largest].abs();
-    let (after, time) = deepest_force(settings, situation, &start.state);
+    let WaysOut { along, fastest } = ways_out(settings, situation);
+    let deepest = |way: &SVector<f64, N>| deepest_force(settings, situation, &start.state, way);
+    let (mut after, mut time) = deepest(&fastest);
+    if along != fastest {
+        let other = deepest(&along);
+        if other.0 < after {
+            (after, time) = other;
+        }
+    }
     if until > after { (until, start.delay) } else { (after, start.delay + time) }
 }
 
@@ -39,19 +47,19 @@ pub(super) fn helped(deepest: f64, limit: f64, tolerance: f64) -> f64 {
     deepest + (ROOM + tolerance) * deepest.max(limit)
 }
 
-/// The largest force along the normal from the state `start` on in N, by the spring as it is
-/// believed to be, and when it is in s.
+/// The largest force along the normal from the state `start` on in N where the joints go out with the velocities
+/// `fastest`, by the spring as it is believed to be, and when it is in s.
 fn deepest_force<const N: usize, const D: usize>(
     settings: &Settings<N, D>,
     situation: &Situation<'_, N, D>,
     start: &State<N, D>,
+    fastest: &SVector<f64, N>,
 ) -> (f64, f64) {
     let (model, inward) = (&situation.model, -situation.belief.surface().normal);
     let force = |state: &State<N, D>| inward.dot(&model.linear_wrench(&state.joint_position));
     // Gradient of that force: its rate is the part of q̇ along it.
     let gradient = model.wrench_gradient * inward;
-    let fastest = outward(settings, situation);
-    let of_twist = situation.of_twist(&fastest);
+    let of_twist = situation.of_twist(fastest);
     let mut driven = situation.driven(false);
     let duration = settings.loops.slowest() / INSTANTS;
     let step = Discretization::Zoh.step(duration, &settings.loops, &SVector::<f64, 0>::zeros());
@@ -62,7 +70,7 @@ fn deepest_force<const N: usize, const D: usize>(
     let instants = INSTANTS as usize * if driven.is_some() { RAMPED_LAGS } else { LAGS };
     for _ in 0..instants {
         let reference =
-            driven.as_mut().map_or(fastest, |driven| fastest - of_twist + driven.advance(duration, &of_twist));
+            driven.as_mut().map_or(*fastest, |driven| fastest - of_twist + driven.advance(duration, &of_twist));
         let before = (pressing, rate);
         state = state.moved(&step, &reference);
         pressing = force(&state);

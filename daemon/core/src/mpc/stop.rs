@@ -10,7 +10,7 @@ use super::condensation::{InputAxes, Prediction, Slack};
 use super::constraints::{AxisBound, ForceBounds, Softened};
 use super::cost::{SetPoint, Weights};
 use super::drive_way::DriveWay;
-use super::every_surface::strongest;
+use super::every_surface::most_more;
 use super::model::{Discretization, State};
 use super::qp::QpSolver;
 use super::step::position_by;
@@ -139,24 +139,22 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let outward_speed = surface.outward_speed(&(sample.posture.jacobian() * state.joint_velocity));
         // f̂ lags behind: by it alone a stop would rest while the force still rises.
         let measured = surface.pressing_force(&sample.wrench).max(situation.belief.pressing_without_lag());
-        let inward = -surface.normal;
-        let (ramping, state) = self.while_ramping(situation, state, &inward);
-        let coasting = ramping.max(peak_while_coasting(situation, &self.settings.loops, &state));
-        let coasting = situation.belief.set().map_or(coasting, |set| coasting.max(strongest(set, situation, coasting)));
-        let limit = self.settings.stop_force;
-        outward_speed >= -STANDSTILL && measured <= limit && coasting <= limit
+        let (ramping, state) = self.while_ramping(situation, state);
+        let (coasting, rest) = peak_while_coasting(situation, &self.settings.loops, &state);
+        let (coasting, limit) = (ramping.max(coasting), self.settings.stop_force);
+        // Where the surface is not known: what presses now is measured, and what comes to it the hardest one says.
+        let more = situation.belief.set().map_or(0.0, |set| {
+            let (_, along) = surface.parts(&(sample.posture.jacobian() * (rest - sample.joint_position)));
+            most_more(set, situation, coasting, along.norm())
+        });
+        outward_speed >= -STANDSTILL && measured + more <= limit && coasting <= limit
     }
 }
 
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
-    /// The largest f_lin along `direction` (in N) while the references go to zero as fast as the drives allow, and the
+    /// The largest pressing force in N while the references go to zero as fast as the drives allow, and the
     /// state when they are there.
-    fn while_ramping(
-        &self,
-        situation: &Situation<'_, N, D>,
-        mut state: State<N, D>,
-        direction: &SVector<f64, D>,
-    ) -> (f64, State<N, D>) {
+    fn while_ramping(&self, situation: &Situation<'_, N, D>, mut state: State<N, D>) -> (f64, State<N, D>) {
         let (settings, mut peak) = (&self.settings, f64::NEG_INFINITY);
         let Some(mut driven) = situation.driven(true) else { return (peak, state) };
         let tick = settings.options.steps()[0].min(settings.timing.sampling_time.seconds());
@@ -170,7 +168,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
                 break;
             }
             state = situation.model.advance(&step, &state, &reference);
-            peak = peak.max(direction.dot(&situation.model.linear_wrench(&state.joint_position)));
+            peak = peak.max(pressing_at(situation, &state.joint_position));
         }
         (peak, state)
     }
@@ -244,27 +242,31 @@ fn weights<const N: usize, const D: usize>(surface: &Surface<D>, steps: &[f64], 
     }
 }
 
-/// Largest pressing force in N along the normal while the arm coasts from `x` under zero joint velocity
-/// reference, seen at 32 instants until its slowest joint has done 99 %. Joints that turn fast coast far, and
-/// J turns with them: the way counts to second order.
+/// The force in N along the normal that the surface presses with at q: joints that turn fast go on far, and J turns with
+/// them, so that their way counts to second order: Ψ(q₀ + δ) = Ψ(q₀) + J δ + ½ J̇(δ) δ.
+fn pressing_at<const N: usize, const D: usize>(situation: &Situation<'_, N, D>, q: &SVector<f64, N>) -> f64 {
+    let (surface, sample) = (situation.belief.surface(), situation.sample);
+    let inward = -surface.normal;
+    let way = q - sample.joint_position;
+    let turned = 0.5 * inward.dot(&sample.posture.acceleration_at_constant_joint_velocity(&way));
+    inward.dot(&situation.model.linear_wrench(q)) + surface.normal_stiffness() * turned
+}
+
+/// Largest pressing force in N while the arm coasts from `x` under zero joint velocity reference, seen at 32
+/// instants until its slowest joint has done 99 %, and q at the last of them.
 fn peak_while_coasting<const N: usize, const D: usize>(
     situation: &Situation<'_, N, D>,
     loops: &VelocityLoops<N>,
     x: &State<N, D>,
-) -> f64 {
+) -> (f64, SVector<f64, N>) {
     const INSTANTS: u32 = 32;
-    let (surface, posture) = (situation.belief.surface(), &situation.sample.posture);
-    let inward = -surface.normal;
     let end = 5.0 * loops.slowest() + loops.further_dead_time().max();
     let carried = x.carried();
-    let mut peak = f64::NEG_INFINITY;
+    let (mut peak, mut q) = (f64::NEG_INFINITY, x.joint_position);
     for instant in 0..=INSTANTS {
         let by = position_by(end * f64::from(instant) / f64::from(INSTANTS), loops);
-        let way = by.iter().zip(&carried).fold(SVector::zeros(), |way, (by, carried)| way + by.component_mul(carried));
-        // What a velocity makes in a second of a J that stays is the way; what it makes of J̇ is twice the rest.
-        let turned = 0.5 * inward.dot(&posture.acceleration_at_constant_joint_velocity(&way));
-        let linear = inward.dot(&situation.model.linear_wrench(&(x.joint_position + way)));
-        peak = peak.max(linear + surface.normal_stiffness() * turned);
+        q = by.iter().zip(&carried).fold(x.joint_position, |q, (by, carried)| q + by.component_mul(carried));
+        peak = peak.max(pressing_at(situation, &q));
     }
-    peak
+    (peak, q)
 }

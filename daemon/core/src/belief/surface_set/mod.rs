@@ -118,9 +118,8 @@ pub(crate) struct SurfaceSet {
     is_outside: bool,
     /// What f̂ still shows of a contact before, N.
     fading: f64,
-    /// How deep the tool is, m, and the force that no surface explains yet, N.
-    depth: f64,
-    unexplained: f64,
+    /// A surface that begins here, for a force that no surface explains yet.
+    unexplained: Spring,
     /// Greatest depth since the sample before, m.
     deepest: f64,
     risk: f64,
@@ -169,8 +168,7 @@ impl SurfaceSet {
             remembered: 0.0,
             is_outside: false,
             fading: 0.0,
-            depth: 0.0,
-            unexplained: 0.0,
+            unexplained: Spring { depth: 0.0, stiffness: least },
             deepest: f64::NEG_INFINITY,
             risk: prior.risk,
         }
@@ -208,9 +206,10 @@ impl SurfaceSet {
         (force, beside): (f64, &Vector3<f64>),
         in_contact: bool,
     ) {
-        self.depth = depth;
+        let unexplained =
+            |force: f64| Spring { depth: depth - force.max(0.0) / self.told.least, stiffness: self.told.least };
         let Some(way) = way else {
-            self.unexplained = force.max(0.0);
+            self.unexplained = unexplained(force);
             self.forget();
             return;
         };
@@ -227,7 +226,7 @@ impl SurfaceSet {
         // A touch does not know how much of the friction a slope shows.
         let by_slope = if self.tuning.learns_normal() { self.tuning.slope * beside.norm() } else { 0.0 };
         let force = force - self.fading;
-        self.unexplained = force.max(0.0);
+        self.unexplained = unexplained(force);
         match &mut self.stage {
             Stage::Touch(touch) => {
                 let weight = weight / (1.0 + weight * by_slope * by_slope);
@@ -282,10 +281,9 @@ impl SurfaceSet {
             Stage::Hold(hold) if hold.away() > LOST => {
                 let (k, shown) = (hold.likeliest().stiffness, hold.expected());
                 let width = (REMEMBERED_DEVIATIONS * hold.stiffness_deviation()).max(REMEMBERED_PART * k);
-                let range = Range {
-                    least: (k - width).clamp(self.told.least, self.told.most),
-                    most: (k + width).clamp(self.told.least, self.told.most),
-                };
+                let most = if self.is_outside { self.told.most * touch::HARDEST } else { self.told.most };
+                let within = |stiffness: f64| stiffness.clamp(self.told.least, most);
+                let range = Range { least: within(k - width), most: within(k + width) };
                 (self.tuning.range, self.remembered) = (range, REMEMBERED);
                 (self.fading, self.stage) = (self.fading + shown, Stage::Touch(Touch::new()));
                 self.harder = None;
@@ -356,7 +354,7 @@ impl SurfaceSet {
             harder.shift(shift);
         }
         self.deepest += shift;
-        self.depth += shift;
+        self.unexplained.depth += shift;
     }
 
     /// The likeliest surface; `None` before a touch.
@@ -375,11 +373,7 @@ impl SurfaceSet {
 
     /// A surface that would explain the force if it began here; before a touch was noticed.
     pub(crate) fn unexplained(&self) -> Spring {
-        self.unexplained_by(self.told.least)
-    }
-
-    fn unexplained_by(&self, stiffness: f64) -> Spring {
-        Spring { depth: self.depth - self.unexplained / stiffness, stiffness }
+        self.unexplained
     }
 
     /// What f̂ was expected to show of the last sample in N; `None` while that is being learned.
@@ -397,6 +391,14 @@ impl SurfaceSet {
         self.tuning.noise
     }
 
+    /// The greatest stiffness of the set, N/m; of all that may be there, where nothing is touched.
+    pub(crate) fn hardest(&self, deviations: f64) -> f64 {
+        match &self.stage {
+            Stage::Touch(_) => self.tuning.range.most,
+            Stage::Hold(hold) => hold.likeliest().stiffness + deviations * hold.stiffness_deviation(),
+        }
+    }
+
     /// From which share of surfaces on that can't be kept below the limit to stop.
     pub(crate) fn risk(&self) -> f64 {
         self.risk
@@ -404,7 +406,7 @@ impl SurfaceSet {
 
     /// By how much the surface may be deeper or less deep after a path of this length (m) than where
     /// it was touched: one deviation, m.
-    fn sloping(&self, path: f64) -> f64 {
+    pub(crate) fn sloping(&self, path: f64) -> f64 {
         if self.tuning.learns_normal() { self.tuning.slope * path } else { 0.0 }
     }
 
@@ -416,7 +418,7 @@ impl SurfaceSet {
     /// The least and greatest depth at which a surface of the set presses with `force` (N), where the
     /// tool is after a `path` (m) along it.
     pub(crate) fn depths_of(&self, force: f64, deviations: f64, path: f64) -> (f64, f64) {
-        let Spring { depth, stiffness } = self.likeliest().unwrap_or_else(|| self.unexplained());
+        let Spring { depth, stiffness } = self.likeliest().unwrap_or(self.unexplained);
         let likeliest = depth + force / stiffness;
         match &self.stage {
             Stage::Touch(touch) => {
@@ -428,10 +430,9 @@ impl SurfaceSet {
         .unwrap_or((likeliest, likeliest))
     }
 
-    /// The greatest force in N at `depth` of a surface of the set, after a `path` (m) along it. Before a touch it may
-    /// begin where the tool is.
+    /// The greatest force in N at `depth` of a surface of the set, after a `path` (m) along it.
     pub(crate) fn strongest(&self, depth: f64, deviations: f64, path: f64) -> f64 {
-        let spring = self.likeliest().unwrap_or_else(|| self.unexplained_by(self.tuning.range.most));
+        let spring = self.likeliest().unwrap_or(self.unexplained);
         match &self.stage {
             Stage::Touch(touch) => {
                 touch.strongest(depth + deviations * self.sloping(path), deviations, &self.tuning.range)
