@@ -157,9 +157,12 @@ impl SetBounds {
         situation: &Situation<'_, N, D>,
     ) -> Option<f64> {
         let surface = situation.belief.surface();
-        let most = surface.outward_speed(&(situation.sample.posture.jacobian() * outward(settings, situation)));
         let wanted = self.excess / (surface.normal_stiffness() * BACK);
-        (wanted > 0.0 && most > 0.0).then(|| wanted.min(BACK_PART * most))
+        if wanted <= 0.0 {
+            return None;
+        }
+        let most = surface.outward_speed(&(situation.sample.posture.jacobian() * outward(settings, situation)));
+        (most > 0.0).then(|| wanted.min(BACK_PART * most))
     }
 
     /// The verdict on a contact that has to be stopped.

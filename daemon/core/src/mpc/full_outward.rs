@@ -33,7 +33,8 @@ pub(super) fn deepest_of<const N: usize, const D: usize>(
     let WaysOut { along, fastest } = ways_out(settings, situation);
     let deepest = |way: &SVector<f64, N>| deepest_force(settings, situation, &start.state, way);
     let (mut after, mut time) = deepest(&fastest);
-    if along != fastest {
+    // (Where the tool is deepest now no way is better.)
+    if time > 0.0 && along != fastest {
         let other = deepest(&along);
         if other.0 < after {
             (after, time) = other;
