@@ -153,7 +153,7 @@ impl<const N: usize> NullMotion<N> {
     }
 
     /// Whether the law resolves twists itself.
-    pub(crate) fn is_ours(&self) -> bool {
+    fn is_ours(&self) -> bool {
         self.settings.redundancy.is_some()
     }
 

@@ -141,8 +141,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             None if late > 0.0 => free_of_told(&settings, situation, &demand.signs, (tolerance, late)),
             None => 0.0,
         };
-        // Where every surface that may be there presses with a force, as that of the likeliest, and with as much
-        // more as may be missing of it.
+        // Where every surface that may be there presses with enough of a force, as that of the likeliest, and with as
+        // much more as may be missing of it.
         let missing = set.filter(|_| demand.settles).map_or(0.0, |set| MISSING * shown_beyond(set, situation));
         let pressing = |force: f64| set.map_or(force, |set| pressing_everywhere(set, situation, force + missing));
         let mut bounds = ForceBounds::none();

@@ -48,19 +48,19 @@ pub(super) fn helped(deepest: f64, limit: f64, tolerance: f64) -> f64 {
     deepest + (ROOM + tolerance) * deepest.max(limit)
 }
 
-/// The largest force along the normal from the state `start` on in N where the joints go out with the velocities
-/// `fastest`, by the spring as it is believed to be, and when it is in s.
+/// The largest force along the normal from the state `start` on in N where the joints are told the velocities
+/// `way_out` (rad/s or m/s), by the spring as it is believed to be, and when it is in s.
 fn deepest_force<const N: usize, const D: usize>(
     settings: &Settings<N, D>,
     situation: &Situation<'_, N, D>,
     start: &State<N, D>,
-    fastest: &SVector<f64, N>,
+    way_out: &SVector<f64, N>,
 ) -> (f64, f64) {
     let (model, inward) = (&situation.model, -situation.belief.surface().normal);
     let force = |state: &State<N, D>| inward.dot(&model.linear_wrench(&state.joint_position));
     // Gradient of that force: its rate is the part of q̇ along it.
     let gradient = model.wrench_gradient * inward;
-    let of_twist = situation.of_twist(fastest);
+    let of_twist = situation.of_twist(way_out);
     let mut driven = situation.driven(false);
     let duration = settings.loops.slowest() / INSTANTS;
     let step = Discretization::Zoh.step(duration, &settings.loops, &SVector::<f64, 0>::zeros());
@@ -71,7 +71,7 @@ fn deepest_force<const N: usize, const D: usize>(
     let instants = INSTANTS as usize * if driven.is_some() { RAMPED_LAGS } else { LAGS };
     for _ in 0..instants {
         let reference =
-            driven.as_mut().map_or(*fastest, |driven| fastest - of_twist + driven.advance(duration, &of_twist));
+            driven.as_mut().map_or(*way_out, |driven| way_out - of_twist + driven.advance(duration, &of_twist));
         let before = (pressing, rate);
         state = state.moved(&step, &reference);
         pressing = force(&state);

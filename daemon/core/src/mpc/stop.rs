@@ -139,15 +139,19 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let outward_speed = surface.outward_speed(&(sample.posture.jacobian() * state.joint_velocity));
         // f̂ lags behind: by it alone a stop would rest while the force still rises.
         let measured = surface.pressing_force(&sample.wrench).max(situation.belief.pressing_without_lag());
+        let limit = self.settings.stop_force;
+        if outward_speed < -STANDSTILL || measured > limit {
+            return false;
+        }
         let (ramping, state) = self.while_ramping(situation, state);
         let (coasting, rest) = peak_while_coasting(situation, &self.settings.loops, &state);
-        let (coasting, limit) = (ramping.max(coasting), self.settings.stop_force);
+        let coasting = ramping.max(coasting);
         // Where the surface is not known: what presses now is measured, and what comes to it the hardest one says.
         let more = situation.belief.set().map_or(0.0, |set| {
             let (_, along) = surface.parts(&(sample.posture.jacobian() * (rest - sample.joint_position)));
             most_more(set, situation, coasting, along.norm())
         });
-        outward_speed >= -STANDSTILL && measured + more <= limit && coasting <= limit
+        measured + more <= limit && coasting <= limit
     }
 }
 

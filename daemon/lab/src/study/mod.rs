@@ -98,8 +98,8 @@ struct VerdictArgs {
     /// Seed of the random contacts.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Random arms that take turns, in random frames and directions, in place of the planar one with
-    /// two joints: all, or some of planar-2r planar-3r scara gantry five six six-on-rail seven eight, with commas.
+    /// Random arms that take turns, in random frames (with --surface in the base frame) and directions, in place of the
+    /// planar one with two joints: all, or some of planar-2r planar-3r scara gantry five six six-on-rail seven eight, with commas.
     #[arg(long, conflicts_with = "figure")]
     arms: Option<Arms>,
     /// Drives that refuse jumps: random limits of acceleration and jerk of each joint, told to controller and plant.
