@@ -35,6 +35,14 @@ const ENOUGH_SPEED: f64 = 0.05;
 const AT_FIRST: f64 = 0.4;
 /// Largest speed in m/s that a turning arm has: near a singular pose it grows without bound.
 const MOST_DRIFT: f64 = 0.1;
+/// Part of f_min by which the force settles above it: at rest on the bound, the least error of the model would have the
+/// bound throw it back each few cycles, by some mN.
+const ABOVE_MINIMUM: f64 = 1e-3;
+/// Largest lead of an arm that slides, in m/s: near a singular pose it grows without bound, and what is linear in the
+/// lag does not hold.
+const MOST_LEAD: f64 = 0.05;
+/// The same where the force comes first, and the input is not dear: a plan that it shapes would miss by more.
+const LEAD_IN_HASTE: f64 = 0.02;
 /// Part of the joints' speed that a slide uses at most: what is left keeps the force.
 const SLIDE: f64 = 0.95;
 /// How far below the limit a plan stays where it can, relative to how far above it may be.
@@ -190,10 +198,6 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let known_reference = &mut known_reference[..known_twist.len()];
         write_references(situation, known_twist, known_reference);
         situation.add_beside(options.steps(), known_reference);
-        let start = situation.at_action(&settings, &bounds);
-        if let Some(verdict) = start.verdict {
-            return Solution::Infeasible { verdict, iterations: 0 };
-        }
         // A pulling spring would hold back a TCP that is leaving, and a fading estimate one that is
         // returning: an axis that should press but does not has no force cost.
         let wrench_axes = if is_soft && !holds { InputAxes::none() } else { InputAxes::from_mask(&demand.active) };
@@ -211,7 +215,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let along_normal = |bound: &AxisBound| {
             let (part, kept) = (surface.normal[bound.axis].abs(), demand.kept[bound.axis]);
             if kept > f64::NEG_INFINITY {
-                pressing(kept / part).min(of_set.map_or(f64::INFINITY, |set| set.most_kept()))
+                pressing(kept / part * (1.0 + ABOVE_MINIMUM)).min(of_set.map_or(f64::INFINITY, |set| set.most_kept()))
             } else {
                 0.0
             }
@@ -241,11 +245,26 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let asked = sample.twist_reference + wanted_offset;
         let sliding = if holds { asked / (used(&asked) / SLIDE).max(1.0) } else { asked };
         let wanted_offset = wanted_offset + (sliding - asked);
-        let lead = if holds { situation.lead(&settings, &sliding) } else { SVector::zeros() };
+        let told = situation.told_with(&sliding);
+        let behind = if holds { situation.behind(&settings, &told) } else { SVector::zeros() };
+        let behind_along_normal = situation.outward_speed(&behind);
+        let lead = if holds { behind_along_normal - situation.falling_away(&told) } else { 0.0 };
+        let lead_within = |most: f64| surface.normal * lead.clamp(-most, most);
         // Where little is left of the joints' speed, the force comes first: a dear input would keep
         // the way along the surface instead.
-        let left = 1.0 - used(&(sliding + settling + lead));
+        let left = 1.0 - used(&(sliding + settling + lead_within(MOST_LEAD)));
         let calm = if is_soft && demand.settles { (left / ENOUGH_SPEED).clamp(0.0, 1.0) } else { 0.0 };
+        let lead = lead_within(LEAD_IN_HASTE + calm * (MOST_LEAD - LEAD_IN_HASTE));
+        // The model's J does not turn, so it would have the joints catch up with what they are behind by; where they
+        // lag differently, that alone would look like a motion along the normal. An arm at its limits, or in an
+        // impact, is behind by something else.
+        let stays = if holds { calm * (MOST_LEAD / behind_along_normal.abs()).min(1.0) } else { 0.0 };
+        let behind = behind * stays;
+        let behind_along_surface = behind - situation.joint_velocity(&(surface.normal * (behind_along_normal * stays)));
+        let start = situation.at_action(&settings, &bounds, &behind);
+        if let Some(verdict) = start.verdict {
+            return Solution::Infeasible { verdict, iterations: 0 };
+        }
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
             let way = (&(sample.twist_reference + output.offset()), &(sample.twist_reference + slowing));
@@ -271,13 +290,14 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // (The deepest point of a set counts without the arm's turning.)
         let drift = if is_soft && !demand.settles && set.is_none() {
             // Until it is halted the arm turns as it does now, and more and more as it will slide.
-            let [now, later] = [situation.joints.velocity, situation.told_with(&sliding)]
-                .map(|joint_velocity| situation.normal_lead(&settings, &joint_velocity).clamp(-MOST_DRIFT, MOST_DRIFT));
+            let [now, later] = [situation.joints.velocity, told].map(|q_dot| {
+                situation.outward_speed(&situation.behind(&settings, &q_dot)).clamp(-MOST_DRIFT, MOST_DRIFT)
+            });
             surface.normal * (AT_FIRST * now + (1.0 - AT_FIRST) * later)
         } else {
             lead
         };
-        let drift = situation.joint_velocity(&drift);
+        let drift = situation.joint_velocity(&drift) + behind_along_surface;
         known_reference.iter_mut().for_each(|reference| *reference -= drift);
         let prediction = Prediction {
             initial: start.state,
@@ -289,7 +309,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             constraints,
             set_point: SetPoint {
                 joint_position: sample.joint_position_reference,
-                joint_velocity: situation.told_with(&(sliding + settling)),
+                joint_velocity: situation.told_with(&(sliding + settling)) - behind_along_surface,
                 wrench: surface.normal * -normal_force,
                 input: wanted_offset + settling + lead,
             },

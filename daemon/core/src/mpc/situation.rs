@@ -18,10 +18,6 @@ use crate::robot::Singular;
 /// Instants at which the force is looked at while an earlier command acts.
 const PIECES: u32 = 8;
 
-/// Largest lead in m/s: near a singular pose it grows without bound, and what is linear in the
-/// lag does not hold.
-const MOST_LEAD: f64 = 0.02;
-
 /// Everything that a cycle knows, and the model that follows from it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Situation<'a, const N: usize, const D: usize> {
@@ -113,46 +109,53 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         surface.normal_stiffness() * way
     }
 
-    /// The offset along the normal without which an arm that slides with this twist would leave
-    /// its path, or the surface leave it where it is not quite as its normal says. At most [`MOST_LEAD`].
-    pub(super) fn lead(&self, settings: &Settings<N, D>, sliding: &SVector<f64, D>) -> SVector<f64, D> {
-        let (told, surface) = (self.told_with(sliding), self.belief.surface());
-        let falling_away = self.belief.set().map_or(0.0, |set| {
-            let (_, along) = surface.parts(&(self.sample.posture.jacobian() * told));
+    /// The speed along the normal, in m/s, without which a surface that is not quite as its normal says would leave an
+    /// arm that slides with these joint velocities (rad/s). 0 where the surface is known.
+    pub(super) fn falling_away(&self, joint_velocity: &SVector<f64, N>) -> f64 {
+        self.belief.set().map_or(0.0, |set| {
+            let (_, along) = self.belief.surface().parts(&(self.sample.posture.jacobian() * joint_velocity));
             set.falling_away(&along)
-        });
-        let lead = self.normal_lead(settings, &told) - falling_away;
-        surface.normal * lead.clamp(-MOST_LEAD, MOST_LEAD)
+        })
     }
 
-    /// The speed along the normal, in m/s, that an arm needs beside its twist to keep to it while
-    /// its joints turn with q̇ (rad/s): a joint lags behind its reference by T, and J turns
-    /// meanwhile. J q̇ is not J r but J r + J T J⁻¹ J̇ q̇. A surface that bends turns the path as well.
-    pub(super) fn normal_lead(&self, settings: &Settings<N, D>, joint_velocity: &SVector<f64, N>) -> f64 {
+    /// nᵀJ of joint velocities in rad/s, m/s.
+    pub(super) fn outward_speed(&self, joint_velocity: &SVector<f64, N>) -> f64 {
+        self.belief.surface().outward_speed(&(self.sample.posture.jacobian() * joint_velocity))
+    }
+
+    /// T q̈, rad/s: by how much joints that turn with q̇ (rad/s) stay behind the references with which the tool
+    /// keeps its way. A joint lags behind its reference by T, and J turns meanwhile: with J q̇ constant, q̈ is
+    /// −J⁻¹ J̇ q̇, and J r has to be J q̇ + J T q̈. A surface that bends turns the way as well.
+    pub(super) fn behind(&self, settings: &Settings<N, D>, joint_velocity: &SVector<f64, N>) -> SVector<f64, N> {
         let (posture, surface) = (&self.sample.posture, self.belief.surface());
-        let normal = &surface.normal;
         let mut turning = posture.acceleration_at_constant_joint_velocity(joint_velocity);
         if let Some(bend) = self.belief.set().map(SurfaceSet::bend).filter(|bend| *bend != 0.0) {
             let (_, along) = surface.parts(&(posture.jacobian() * joint_velocity));
-            turning += normal * (bend * along.norm_squared());
+            turning += surface.normal * (bend * along.norm_squared());
         }
-        let held = settings.timing.command_delay.seconds() + 0.5 * settings.timing.sampling_time.seconds();
+        let held = settings.timing.command_delay.seconds() + 0.5 * settings.tick();
         let lag = (settings.loops.until_rest()[0] + settings.loops.dead_time).add_scalar(held);
-        -normal.dot(&(posture.jacobian() * self.joint_velocity(&turning).component_mul(&lag)))
+        -self.joint_velocity(&turning).component_mul(&lag)
     }
 
     /// The state when the command for this sample reaches the joints, and the forces until then,
-    /// under the commands that are under way.
-    pub(super) fn at_action(&self, settings: &Settings<N, D>, bounds: &ForceBounds<D>) -> Start<N, D> {
+    /// under the commands that are under way, by joints that stay `behind` them (rad/s).
+    pub(super) fn at_action(
+        &self,
+        settings: &Settings<N, D>,
+        bounds: &ForceBounds<D>,
+        behind: &SVector<f64, N>,
+    ) -> Start<N, D> {
         let wrench = self.belief.wrench_ahead(&self.sample.wrench, self.sample.stamp);
         let advance = |step: &_, x: &_, r: &_| self.model.advance(step, x, r);
-        self.until_action(settings, bounds, (wrench, &settings.wrench_time_constant), advance)
+        self.until_action(settings, bounds, (wrench, &settings.wrench_time_constant), behind, advance)
     }
 
     /// The same of the joints alone, without f̂.
     pub(super) fn joints_at_action(&self, settings: &Settings<N, D>, bounds: &ForceBounds<D>) -> Start<N, D> {
         let no_estimates = SVector::<f64, 0>::zeros();
-        self.until_action(settings, bounds, (SVector::zeros(), &no_estimates), |step, x, r| x.moved(step, r))
+        let follows = |step: &_, x: &State<N, D>, r: &_| x.moved(step, r);
+        self.until_action(settings, bounds, (SVector::zeros(), &no_estimates), &SVector::zeros(), follows)
     }
 
     fn until_action<const W: usize>(
@@ -160,6 +163,7 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         settings: &Settings<N, D>,
         bounds: &ForceBounds<D>,
         (wrench, wrench_time_constant): (SVector<f64, D>, &SVector<f64, W>),
+        behind: &SVector<f64, N>,
         advance: impl Fn(&Step<N, W>, &State<N, D>, &SVector<f64, N>) -> State<N, D>,
     ) -> Start<N, D> {
         let (sample, loops) = (self.sample, &settings.loops);
@@ -176,7 +180,7 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
             |twist: Option<SVector<f64, D>>| twist.map_or_else(SVector::zeros, |twist| self.joint_velocity(&twist));
         let (mut worst, dead_times) = (0.0, loops.dead_times());
         for stretch in under_way.between(sample.stamp, sample.stamp + delay, dead_times) {
-            let references = stretch.references(self.beside, dead_times, |offset| reference(twist(offset)));
+            let references = stretch.references(self.beside, dead_times, |offset| reference(twist(offset))) - behind;
             let duration = stretch.duration / f64::from(PIECES);
             let step = settings.options.discretization.without_dead_time(duration, loops, wrench_time_constant);
             for _ in 0..PIECES {
@@ -192,7 +196,7 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
                 }
             }
         }
-        start.state.earlier_reference = reference(twist(under_way.latest()));
+        start.state.earlier_reference = reference(twist(under_way.latest())) - behind;
         if let (Some(_), Some(beside)) = (under_way.latest(), self.beside.latest()) {
             start.state.earlier_reference += beside;
         }

@@ -44,7 +44,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let settings = self.settings;
         let steps = settings.options.steps();
         let surface = situation.belief.surface();
-        let start = situation.at_action(&settings, &ForceBounds::none());
+        let start = situation.at_action(&settings, &ForceBounds::none(), &SVector::zeros());
         let twist_reference = &situation.sample.twist_reference;
         let excess = Excess::of(&settings, situation, &start.state);
         if excess.largest() <= 0.0 {
@@ -135,7 +135,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     /// (Held at zero normal velocity alone, unequal joint lags would drive it back in.)
     pub(crate) fn may_rest(&self, situation: &Situation<'_, N, D>) -> bool {
         let (sample, surface) = (situation.sample, situation.belief.surface());
-        let state = situation.at_action(&self.settings, &ForceBounds::none()).state;
+        let state = situation.at_action(&self.settings, &ForceBounds::none(), &SVector::zeros()).state;
         let outward_speed = surface.outward_speed(&(sample.posture.jacobian() * state.joint_velocity));
         // f̂ lags behind: by it alone a stop would rest while the force still rises.
         let measured = surface.pressing_force(&sample.wrench).max(situation.belief.pressing_without_lag());
@@ -161,7 +161,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     fn while_ramping(&self, situation: &Situation<'_, N, D>, mut state: State<N, D>) -> (f64, State<N, D>) {
         let (settings, mut peak) = (&self.settings, f64::NEG_INFINITY);
         let Some(mut driven) = situation.driven(true) else { return (peak, state) };
-        let tick = settings.options.steps()[0].min(settings.timing.sampling_time.seconds());
+        let tick = settings.tick();
         let step = Discretization::Zoh.step(tick, &settings.loops, &SVector::zeros());
         for ticks in 0..RAMP_TICKS {
             let mut reference = driven.advance(tick, &SVector::zeros());
