@@ -40,7 +40,7 @@ fn records(bytes: &[u8]) -> Vec<(u8, usize)> {
 #[test]
 fn a_flipped_bit_is_named_and_no_length_is_believed() {
     let ipc = PrivateIpc::new("damaged");
-    let bytes = original("force-exceeded");
+    let bytes = original("damping-low");
     let whole = ctl(&["replay"], &written(&ipc, &bytes));
     assert_eq!(whole.0, Some(0), "{}", whole.1);
     // Each record's kind, a low and a high bit of its length, and two bits of its body.
@@ -73,7 +73,7 @@ fn a_flipped_bit_is_named_and_no_length_is_believed() {
 #[test]
 fn recover_goes_on_with_the_good_part() {
     let ipc = PrivateIpc::new("damaged");
-    let mut bytes = original("told-loops-contact");
+    let mut bytes = original("faults-free-bridged");
     let chunks: Vec<usize> =
         records(&bytes).iter().filter(|(opcode, _)| *opcode == mcap::records::op::CHUNK).map(|(_, at)| *at).collect();
     assert!(chunks.len() > 2, "schemas, and two chunks of messages: {chunks:?}");

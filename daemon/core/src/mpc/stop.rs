@@ -248,7 +248,7 @@ fn weights<const N: usize, const D: usize>(surface: &Surface<D>, steps: &[f64], 
 
 /// The force in N along the normal that the surface presses with at q: joints that turn fast go on far, and J turns with
 /// them, so that their way counts to second order: Ψ(q₀ + δ) = Ψ(q₀) + J δ + ½ J̇(δ) δ.
-fn pressing_at<const N: usize, const D: usize>(situation: &Situation<'_, N, D>, q: &SVector<f64, N>) -> f64 {
+pub(super) fn pressing_at<const N: usize, const D: usize>(situation: &Situation<'_, N, D>, q: &SVector<f64, N>) -> f64 {
     let (surface, sample) = (situation.belief.surface(), situation.sample);
     let inward = -surface.normal;
     let way = q - sample.joint_position;

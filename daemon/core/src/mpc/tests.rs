@@ -153,3 +153,49 @@ fn a_reference_that_is_too_fast_for_the_joints_is_answered_with_what_it_asks_its
         });
     }
 }
+
+/// ṗ along the surface, m/s.
+const SLIDE: f64 = 0.6;
+
+/// The references of a slide lead the joints by T q̈. Here q̈ is that of joints on the straight line, by differences.
+#[test]
+fn joints_that_slide_stay_behind_by_their_lag_times_their_acceleration() {
+    let mut parameters = parameters();
+    parameters.timing.command_delay = crate::quantities::Span::from_seconds(0.000_5);
+    let (chain, timing) = (parameters.chain, parameters.timing);
+    let mut mpc = mpc_of(&parameters);
+    let (settings, along) = (mpc.settings, Vector2::new(normal().y, -normal().x) * SLIDE);
+    solved(&mut mpc, 60.0, 0.0, |_, situation| {
+        let q = situation.sample.joint_position;
+        let velocity = |q: &Vector2<f64>| {
+            chain.kinematics(q).inverse::<2>(1e-4).expect("far from singular").joint_velocity(&along)
+        };
+        let (h, q_dot) = (1e-5, velocity(&q));
+        let acceleration = (velocity(&(q + q_dot * h)) - velocity(&(q - q_dot * h))) / (2.0 * h);
+        let held = timing.command_delay.seconds() + 0.5 * settings.options.steps()[0];
+        let expected = acceleration.component_mul(&(Vector2::new(0.015, 0.010)).add_scalar(held));
+        let behind = situation.behind(&settings, &situation.joint_velocity(&along));
+        assert!(behind.amax() > 1e-3 && (behind - expected).amax() < 1e-7, "{behind} in place of {expected} rad/s");
+    });
+}
+
+/// Joints that coast far turn J on the way: to second order the force is that of the tool's true place, within what the third leaves.
+#[test]
+fn what_presses_after_a_long_way_is_what_the_tool_s_place_says() {
+    let parameters = parameters();
+    let (chain, surface) = (parameters.chain, parameters.surface);
+    solved(&mut mpc(), 60.0, 0.0, |_, situation| {
+        let force = |q: &Vector2<f64>| surface.spring_force(&chain.kinematics(q).pose);
+        let q = situation.sample.joint_position;
+        let depth = |force: f64| force / surface.normal_stiffness();
+        for way in [Vector2::new(0.1, -0.2), Vector2::new(-0.2, 0.1), Vector2::new(0.05, 0.15)] {
+            let by_model = super::stop::pressing_at(situation, &(q + way));
+            let [missed, first_order] = [by_model, -normal().dot(&situation.model.linear_wrench(&(q + way)))]
+                .map(|said| depth(said - force(&(q + way))).abs());
+            assert!(
+                missed < 2.0 * way.norm().powi(3) && missed < 0.3 * first_order,
+                "{way}: {missed}, {first_order} m"
+            );
+        }
+    });
+}
