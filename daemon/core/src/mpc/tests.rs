@@ -173,7 +173,7 @@ fn joints_that_slide_stay_behind_by_their_lag_times_their_acceleration() {
         let (h, q_dot) = (1e-5, velocity(&q));
         let acceleration = (velocity(&(q + q_dot * h)) - velocity(&(q - q_dot * h))) / (2.0 * h);
         let held = timing.command_delay.seconds() + 0.5 * settings.options.steps()[0];
-        let expected = acceleration.component_mul(&(Vector2::new(0.015, 0.010)).add_scalar(held));
+        let expected = acceleration.component_mul(&Vector2::new(0.015, 0.010).add_scalar(held));
         let behind = situation.behind(&settings, &situation.joint_velocity(&along));
         assert!(behind.amax() > 1e-3 && (behind - expected).amax() < 1e-7, "{behind} in place of {expected} rad/s");
     });
