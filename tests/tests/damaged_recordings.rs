@@ -40,7 +40,7 @@ fn records(bytes: &[u8]) -> Vec<(u8, usize)> {
 #[test]
 fn a_flipped_bit_is_named_and_no_length_is_believed() {
     let ipc = PrivateIpc::new("damaged");
-    let bytes = original("damping-low");
+    let bytes = original("force-exceeded");
     let whole = ctl(&["replay"], &written(&ipc, &bytes));
     assert_eq!(whole.0, Some(0), "{}", whole.1);
     // Each record's kind, a low and a high bit of its length, and two bits of its body.

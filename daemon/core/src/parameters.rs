@@ -134,8 +134,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
 
     /// Time from one streamed reference to the next: a cycle, or the inputs within it.
     pub fn tick(&self) -> Span {
-        let first = self.mpc.steps().first().map_or(self.timing.sampling_time, |step| Span::from_seconds(*step));
-        first.min(self.timing.sampling_time)
+        self.mpc.tick(self.timing.sampling_time)
     }
 
     /// Whether the way into the surface has to be known within a cycle: where the surface is learned,

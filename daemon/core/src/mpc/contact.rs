@@ -212,10 +212,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // weight: an error of the model would throw the arm from one to the other.
         // Axes that hardly feel the surface press in another way.
         let feels = |bound: &&AxisBound| situation.belief.surface_signs().sign(bound.axis).is_some();
+        // Until it settles the force is to come to what it has reached, and no further.
+        let above = if demand.settles { 1.0 + ABOVE_MINIMUM } else { 1.0 };
         let along_normal = |bound: &AxisBound| {
             let (part, kept) = (surface.normal[bound.axis].abs(), demand.kept[bound.axis]);
             if kept > f64::NEG_INFINITY {
-                pressing(kept / part * (1.0 + ABOVE_MINIMUM)).min(of_set.map_or(f64::INFINITY, |set| set.most_kept()))
+                pressing(kept / part * above).min(of_set.map_or(f64::INFINITY, |set| set.most_kept()))
             } else {
                 0.0
             }
@@ -277,7 +279,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
                 None => speed,
                 Some(mut driven) => {
                     let first = driven.advance(options.steps()[0], &situation.of_twist(&outward(&settings, situation)));
-                    speed.min(BACK_AT_ONCE * surface.outward_speed(&(sample.posture.jacobian() * first)))
+                    speed.min(BACK_AT_ONCE * situation.outward_speed(&first))
                 }
             };
             bound.least[0] = bound.least[0].max(speed - surface.outward_speed(&known_twist[0]));
@@ -290,8 +292,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // (The deepest point of a set counts without the arm's turning.)
         let drift = if is_soft && !demand.settles && set.is_none() {
             // Until it is halted the arm turns as it does now, and more and more as it will slide.
-            let [now, later] = [situation.joints.velocity, told].map(|q_dot| {
-                situation.outward_speed(&situation.behind(&settings, &q_dot)).clamp(-MOST_DRIFT, MOST_DRIFT)
+            let [now, later] = [situation.joints.velocity, told].map(|joint_velocity| {
+                situation.outward_speed(&situation.behind(&settings, &joint_velocity)).clamp(-MOST_DRIFT, MOST_DRIFT)
             });
             surface.normal * (AT_FIRST * now + (1.0 - AT_FIRST) * later)
         } else {

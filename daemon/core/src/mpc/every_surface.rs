@@ -161,7 +161,7 @@ impl SetBounds {
         if wanted <= 0.0 {
             return None;
         }
-        let most = surface.outward_speed(&(situation.sample.posture.jacobian() * outward(settings, situation)));
+        let most = situation.outward_speed(&outward(settings, situation));
         (most > 0.0).then(|| wanted.min(BACK_PART * most))
     }
 

@@ -76,7 +76,7 @@ fn peak<const N: usize, const D: usize>(
     let start = situation.joints_at_action(settings, &ForceBounds::none());
     // An arm may follow later than told: so long its motors go on.
     let late = settings.options.lag_tolerance;
-    let speed = -surface.outward_speed(&(situation.sample.posture.jacobian() * situation.joints.velocity));
+    let speed = -situation.outward_speed(&situation.joints.velocity);
     swing.follow(speed.max(0.0) * late, late);
     let now = inward.dot(&model.linear_wrench(&situation.sample.joint_position)) / stiffness;
     let mut state = start.state;

@@ -17,7 +17,7 @@ pub(super) fn pressed_late<const N: usize, const D: usize>(
     situation: &Situation<'_, N, D>,
 ) -> f64 {
     let surface = situation.belief.surface();
-    let outward = surface.outward_speed(&(situation.sample.posture.jacobian() * situation.joints.velocity));
+    let outward = situation.outward_speed(&situation.joints.velocity);
     surface.normal_stiffness() * (-outward).max(0.0) * settings.options.lag_tolerance
 }
 

@@ -8,6 +8,7 @@ use crate::mpc::force_points::Parts;
 use crate::mpc::horizon::Horizon;
 use crate::mpc::model::Discretization;
 use crate::output::MAX_STEPS;
+use crate::quantities::Span;
 use crate::robot::VelocityLoops;
 
 /// Which axes get an input once any axis is in contact.
@@ -89,6 +90,12 @@ impl<const N: usize, const D: usize> Options<N, D> {
     /// Lengths of the H steps in s.
     pub fn steps(&self) -> &[f64] {
         &self.steps[..self.horizon.min(MAX_STEPS)]
+    }
+
+    /// How long one input is held: a cycle, or a piece of one.
+    pub fn tick(&self, sampling_time: Span) -> Span {
+        let first = self.steps().first().map_or(sampling_time, |step| Span::from_seconds(*step));
+        first.min(sampling_time)
     }
 
     /// The horizon for these speed loops and a wrench estimate with T_est, in s.

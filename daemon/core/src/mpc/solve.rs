@@ -138,9 +138,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
 }
 
 impl<const N: usize, const D: usize> Settings<N, D> {
-    /// How long one input is held, s: a cycle, or a piece of one.
+    /// [`super::Options::tick`] in s.
     pub(super) fn tick(&self) -> f64 {
-        self.options.steps()[0].min(self.timing.sampling_time.seconds())
+        self.options.tick(self.timing.sampling_time).seconds()
     }
 
     /// Bounds of the force, and the limits of joints and of the inputs, which are offsets to ṗ0

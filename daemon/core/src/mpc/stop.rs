@@ -123,7 +123,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     fn is_stuck(&self, situation: &Situation<'_, N, D>, state: &State<N, D>, excess: &Excess<D>) -> bool {
         let surface = situation.belief.surface();
         let enough = STUCK * excess.speed(surface, self.settings.options.steps().iter().sum());
-        let moves = surface.outward_speed(&(situation.sample.posture.jacobian() * state.joint_velocity));
+        let moves = situation.outward_speed(&state.joint_velocity);
         let planned = self.plan.steps().next();
         let planned = planned.map(|(offset, _)| surface.outward_speed(&(situation.sample.twist_reference + offset)));
         enough > 0.0 && (-STANDSTILL..enough).contains(&moves) && planned.is_some_and(|speed| speed < enough)
@@ -136,7 +136,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     pub(crate) fn may_rest(&self, situation: &Situation<'_, N, D>) -> bool {
         let (sample, surface) = (situation.sample, situation.belief.surface());
         let state = situation.at_action(&self.settings, &ForceBounds::none(), &SVector::zeros()).state;
-        let outward_speed = surface.outward_speed(&(sample.posture.jacobian() * state.joint_velocity));
+        let outward_speed = situation.outward_speed(&state.joint_velocity);
         // f̂ lags behind: by it alone a stop would rest while the force still rises.
         let measured = surface.pressing_force(&sample.wrench).max(situation.belief.pressing_without_lag());
         let limit = self.settings.stop_force;

@@ -10,6 +10,7 @@ use crate::common::{active_set, normal, parameters, pressing, pushing};
 use crate::intake::{Accepted, Event, Intake, Sample};
 use crate::output::{Output, Plan};
 use crate::parameters::Parameters;
+use crate::quantities::Span;
 use crate::redundancy::NullMotion;
 
 type Planar = Mpc<2, 2, ActiveSet<Vec<f64>>, Vec<f64>>;
@@ -161,8 +162,8 @@ const SLIDE: f64 = 0.6;
 #[test]
 fn joints_that_slide_stay_behind_by_their_lag_times_their_acceleration() {
     let mut parameters = parameters();
-    parameters.timing.command_delay = crate::quantities::Span::from_seconds(0.000_5);
-    let (chain, timing) = (parameters.chain, parameters.timing);
+    parameters.timing.command_delay = Span::from_seconds(0.000_5);
+    let (chain, timing, lag) = (parameters.chain, parameters.timing, parameters.loops.until_rest()[0]);
     let mut mpc = mpc_of(&parameters);
     let (settings, along) = (mpc.settings, Vector2::new(normal().y, -normal().x) * SLIDE);
     solved(&mut mpc, 60.0, 0.0, |_, situation| {
@@ -173,13 +174,14 @@ fn joints_that_slide_stay_behind_by_their_lag_times_their_acceleration() {
         let (h, q_dot) = (1e-5, velocity(&q));
         let acceleration = (velocity(&(q + q_dot * h)) - velocity(&(q - q_dot * h))) / (2.0 * h);
         let held = timing.command_delay.seconds() + 0.5 * settings.options.steps()[0];
-        let expected = acceleration.component_mul(&Vector2::new(0.015, 0.010).add_scalar(held));
+        let expected = acceleration.component_mul(&lag.add_scalar(held));
         let behind = situation.behind(&settings, &situation.joint_velocity(&along));
         assert!(behind.amax() > 1e-3 && (behind - expected).amax() < 1e-7, "{behind} in place of {expected} rad/s");
     });
 }
 
-/// Joints that coast far turn J on the way: to second order the force is that of the tool's true place, within what the third leaves.
+/// Joints that coast far turn J on the way: to second order the force is that of the tool's true place, within what
+/// the third leaves.
 #[test]
 fn what_presses_after_a_long_way_is_what_the_tool_s_place_says() {
     let parameters = parameters();
