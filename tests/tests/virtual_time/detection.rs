@@ -3,6 +3,7 @@
 
 use admittance_runner::config::ContactPointName;
 use end_to_end::closed_loop::{Experiment, Instant, NORMAL, Run};
+use ipc_types::Verdict;
 
 /// Where the plant's surface is.
 const SURFACE: [f64; 2] = [1.32, 0.68];
@@ -129,4 +130,34 @@ fn with_noise_the_error_is_a_small_part_of_the_naive_one() {
         );
         assert!(rms < 0.25 * naive, "no better than the threshold: {rms} of {naive} m");
     }
+}
+
+#[test]
+fn safe_is_only_what_the_noise_of_the_detected_point_leaves_below_the_limit() {
+    let (mut at_risk, mut over) = (0, 0);
+    for seed in 1..=24_u32 {
+        let speed = 0.6 + 0.02 * f64::from(seed % 8);
+        let mut experiment = detecting(0.001, 0.02, speed).at_instant(f64::from(seed) / 24.0);
+        experiment.config.environment.wrench_noise_n = 1.0;
+        experiment.scenario.noise.wrench = 1.0;
+        experiment.scenario.noise.seed = seed.into();
+        let run = experiment.run();
+        let said = |verdict: Verdict| run.instants.iter().filter(move |at| at.command.verdict == verdict.code());
+        for at in said(Verdict::Feasible) {
+            assert!(at.command.verdict_margin >= 0.0, "seed {seed}: safe by {} N", at.command.verdict_margin);
+        }
+        for at in said(Verdict::AtRisk) {
+            let (share, margin) = (at.command.verdict_share, at.command.verdict_margin);
+            // Half, where the force rides on its limit, to the bits of a computation.
+            assert!(0.0 < share && share <= 0.5 + 1e-9 && margin < 0.0, "seed {seed}: {share} by {margin} N");
+            at_risk += 1;
+        }
+        if run.peak(1) > 200.5 {
+            over += 1;
+            let is_told = said(Verdict::AtRisk).chain(said(Verdict::Infeasible)).next().is_some();
+            assert!(is_told, "seed {seed}: {} N after verdicts that were safe throughout", run.peak(1));
+        }
+    }
+    println!("{at_risk} cycles at risk; {over} of 24 contacts above the limit, each told");
+    assert!(at_risk > 0, "no contact was near enough to its limit");
 }

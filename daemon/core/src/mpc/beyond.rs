@@ -129,7 +129,7 @@ impl Beyond {
         if let Some(hardest) = &self.hardest {
             verdict = self.with_most(verdict, likely, &hardest.peak_under(settings, situation, plan));
         }
-        if self.deviation > 0.0 { verdict.unsure(self.deviation, &situation.belief.surface().normal) } else { verdict }
+        verdict.unsure(self.deviation, &situation.belief.surface().normal)
     }
 
     /// A verdict where the force is likely so large, N, and at most this peak.

@@ -256,11 +256,10 @@ impl<P> Solution<P> {
         self
     }
 
-    /// The same with its verdict counted from the sample, which is `delay` s before its inputs act,
-    /// and its margin reduced by `uncertainty` N.
-    fn shifted(mut self, delay: f64, uncertainty: f64) -> Self {
+    /// The same with its verdict counted from the sample, which is `delay` s before its inputs act.
+    fn shifted(mut self, delay: f64) -> Self {
         if let Self::Planned { verdict, .. } | Self::Infeasible { verdict, .. } = &mut self {
-            verdict.shift(delay, uncertainty);
+            verdict.shift(delay);
         }
         self
     }

@@ -114,7 +114,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
                 second => second.after(before),
             };
         }
-        solution.shifted(start.delay, 0.0).with(&self.plan)
+        solution.shifted(start.delay).with(&self.plan)
     }
 
     /// Whether the arm stands above the limit, and would go on to by this plan. Joints with unequal lags that start to

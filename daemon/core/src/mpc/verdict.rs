@@ -89,12 +89,12 @@ impl Verdict {
     }
 
     /// The same where the force may be above what was predicted by something of this standard deviation,
-    /// N along the normal.
+    /// N along the normal; 0 where it can't.
     #[must_use]
     pub(super) fn unsure<const D: usize>(self, deviation: f64, normal: &SVector<f64, D>) -> Self {
         let of = |axis: usize| deviation * normal[axis].abs();
         match self {
-            Self::Feasible { margin, axis, time } => {
+            Self::Feasible { margin, axis, time } if of(axis) > 0.0 => {
                 let sure = margin - DEVIATIONS * of(axis);
                 if sure < 0.0 {
                     Self::AtRisk { share: above(margin / of(axis)), excess: -sure, axis, time }
@@ -105,18 +105,14 @@ impl Verdict {
             Self::AtRisk { share, excess, axis, time } => {
                 Self::AtRisk { share, excess: excess + DEVIATIONS * of(axis), axis, time }
             }
-            Self::Infeasible { .. } | Self::None => self,
+            Self::Feasible { .. } | Self::Infeasible { .. } | Self::None => self,
         }
     }
 
-    /// Counts its time from `delay` s earlier, and reduces its margin by `uncertainty` N.
-    pub(super) fn shift(&mut self, delay: f64, uncertainty: f64) {
+    /// Counts its time from `delay` s earlier.
+    pub(super) fn shift(&mut self, delay: f64) {
         match self {
-            Self::Feasible { margin, time, .. } => {
-                *margin -= uncertainty;
-                *time += delay;
-            }
-            Self::Infeasible { time, .. } => *time += delay,
+            Self::Feasible { time, .. } | Self::Infeasible { time, .. } => *time += delay,
             // Counted from the sample already.
             Self::AtRisk { .. } | Self::None => {}
         }
