@@ -381,17 +381,17 @@ impl<const D: usize> Belief<D> {
         self.expected.pressing
     }
 
-    /// By how much the force may be wrong because the contact point is uncertain, in N.
-    pub(crate) fn uncertainty(&self) -> f64 {
+    /// The standard deviation in N of the predicted force, along the normal, because the contact point is uncertain.
+    pub(crate) fn deviation(&self) -> f64 {
         match self.settings.contact_point {
             ContactPoint::Configured | ContactPoint::Learned(_) => 0.0,
-            ContactPoint::Detected { .. } => self.detection.uncertainty(),
+            ContactPoint::Detected { .. } => self.detection.uncertainty() / 2.0,
         }
     }
 
     /// What a record keeps.
     pub(crate) fn snapshot(&self) -> Snapshot {
-        let uncertainty = self.uncertainty();
+        let uncertainty = 2.0 * self.deviation();
         let stiffness = self.surface.normal_stiffness();
         let stiffness_band = self.set.as_ref().map_or((stiffness, stiffness), SurfaceSet::stiffness_band);
         let contact_point = self.surface.contact.position;

@@ -23,7 +23,7 @@ pub(super) struct Beyond {
     settles: bool,
     /// What an impact presses with already.
     pressed: Peak,
-    /// Standard deviation of f̂.
+    /// Standard deviation of f̂ along the normal, N.
     deviation: f64,
     /// The limit that comes first, its axis, and the part of the normal that this is.
     limit: f64,
@@ -129,7 +129,10 @@ impl Beyond {
         if let Some(hardest) = &self.hardest {
             verdict = self.with_most(verdict, likely, &hardest.peak_under(settings, situation, plan));
         }
-        verdict.unsure(self.deviation, &situation.belief.surface().normal)
+        // What damping leaves undone is the most that it can be.
+        let undone = situation.missed_by_damping(plan) / DEVIATIONS;
+        let deviation = self.deviation + situation.belief.deviation() + undone;
+        verdict.unsure(deviation, &situation.belief.surface().normal)
     }
 
     /// A verdict where the force is likely so large, N, and at most this peak.

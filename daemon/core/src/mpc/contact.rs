@@ -12,7 +12,6 @@ use super::every_surface::{of_set, pressing_everywhere, shown_beyond};
 use super::fastest_outward::outward;
 use super::late_arm::{free_of_told, pressed_late};
 use super::qp::QpSolver;
-use super::verdict::DEVIATIONS;
 use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
 
@@ -322,16 +321,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             slack: holds.then_some(KEPT),
         };
         let solution = self.solve(situation, &prediction, known_twist, expired);
-        let missed = match solution {
-            Solution::Planned { .. } => situation.missed_by_damping(&self.plan),
-            _ => 0.0,
-        };
         let mut solution = solution.shifted(start.delay);
         if let Solution::Planned { verdict, .. } = &mut solution {
             verdict.count_free(free, &surface.normal);
-            // The uncertainty is two standard deviations; more than is missed cannot be.
-            let deviation = situation.belief.uncertainty() / 2.0 + missed / DEVIATIONS;
-            *verdict = verdict.unsure(deviation, &surface.normal);
         }
         match (solution, of_set.and_then(|bounds| bounds.at_risk())) {
             (Solution::Planned { plan, iterations, .. }, Some(verdict)) => {

@@ -52,8 +52,7 @@ impl Guards {
     pub(super) fn mismatches<const D: usize>(&self, wrench: &SVector<f64, D>, noise: f64, belief: &Belief<D>) -> bool {
         let Some(most) = self.mismatch else { return false };
         let pressing = belief.surface().pressing_force(wrench);
-        // The uncertainty is two standard deviations.
-        let by_noise = NOISE_DEVIATIONS * (noise + belief.uncertainty() / 2.0);
+        let by_noise = NOISE_DEVIATIONS * (noise + belief.deviation());
         (pressing - belief.expected_pressing()).abs() > most + by_noise
     }
 
