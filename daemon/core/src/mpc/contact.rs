@@ -264,8 +264,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let behind = behind * stays;
         let behind_along_surface = behind - situation.joint_velocity(&(surface.normal * (behind_along_normal * stays)));
         let start = situation.at_action(&settings, &bounds, &behind);
-        if let Some(verdict) = start.verdict {
-            return Solution::Infeasible { verdict, iterations: 0 };
+        if let Verdict::Infeasible { .. } = start.verdict {
+            return Solution::Infeasible { verdict: start.verdict, iterations: 0 };
         }
         let mut constraints = settings.constraints(bounds, &SVector::zeros(), situation, &start.state);
         if demand.inward_speed.is_finite() {
@@ -323,6 +323,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let solution = self.solve(situation, &prediction, known_twist, expired);
         let mut solution = solution.shifted(start.delay);
         if let Solution::Planned { verdict, .. } = &mut solution {
+            *verdict = verdict.closest(start.verdict);
             verdict.count_free(free, &surface.normal);
         }
         match (solution, of_set.and_then(|bounds| bounds.at_risk())) {

@@ -29,7 +29,7 @@ pub(super) fn deepest_of<const N: usize, const D: usize>(
     let sign = -surface.normal[largest].signum();
     above_zero.push(AxisBound { axis: largest, sign, minimum: f64::NEG_INFINITY, maximum: 0.0 });
     let start = situation.joints_at_action(settings, &above_zero);
-    let until = start.verdict.map_or(0.0, |verdict| verdict.shortfall()) / surface.normal[largest].abs();
+    let until = start.verdict.shortfall() / surface.normal[largest].abs();
     let WaysOut { along, fastest } = ways_out(settings, situation);
     let deepest = |way: &SVector<f64, N>| deepest_force(settings, situation, &start.state, way);
     let (mut after, mut time) = deepest(&fastest);

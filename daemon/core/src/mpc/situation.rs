@@ -41,8 +41,8 @@ pub(super) struct Start<const N: usize, const D: usize> {
     pub(super) state: State<N, D>,
     /// How long after the sample the inputs begin to act, in s.
     pub(super) delay: f64,
-    /// The largest force above a bound until then, which cannot be avoided any more.
-    pub(super) verdict: Option<Verdict>,
+    /// What is left until then below the bounds, or the largest force above one: no input changes it any more.
+    pub(super) verdict: Verdict,
 }
 
 impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
@@ -169,7 +169,7 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         let (sample, loops) = (self.sample, &settings.loops);
         let mut state = State::moving(sample.joint_position, self.joints.velocity, wrench);
         state.joint_acceleration = self.joints.acceleration;
-        let mut start = Start { state, delay: 0.0, verdict: None };
+        let mut start = Start { state, delay: 0.0, verdict: Verdict::None };
         let delay = settings.timing.command_delay + Span::from_seconds(loops.common_dead_time());
         if !settings.options.models_delay {
             return start;
@@ -178,7 +178,7 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         let twist = |offset: Option<SVector<f64, D>>| offset.map(|offset| sample.twist_reference + offset);
         let reference =
             |twist: Option<SVector<f64, D>>| twist.map_or_else(SVector::zeros, |twist| self.joint_velocity(&twist));
-        let (mut worst, dead_times) = (0.0, loops.dead_times());
+        let (mut least, dead_times) = (f64::INFINITY, loops.dead_times());
         for stretch in under_way.between(sample.stamp, sample.stamp + delay, dead_times) {
             let references = stretch.references(self.beside, dead_times, |offset| reference(twist(offset))) - behind;
             let duration = stretch.duration / f64::from(PIECES);
@@ -189,9 +189,14 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
                 for bound in bounds.as_slice() {
                     let force = bound.sign * self.model.linear_wrench_on(bound.axis, &start.state.joint_position);
                     let (axis, time) = (bound.axis, start.delay);
-                    if force - bound.maximum > worst {
-                        worst = force - bound.maximum;
-                        start.verdict = Some(Verdict::Infeasible { axis, side: Side::Upper, time, shortfall: worst });
+                    let margin = bound.maximum - force;
+                    if margin < least {
+                        least = margin;
+                        start.verdict = if margin < 0.0 {
+                            Verdict::Infeasible { axis, side: Side::Upper, time, shortfall: -margin }
+                        } else {
+                            Verdict::Feasible { margin, axis, time }
+                        };
                     }
                 }
             }

@@ -81,6 +81,31 @@ fn a_contact_has_a_plan_of_the_horizon_s_length_that_slows_the_approach() {
     assert!(normal().dot(&first) > 0.0, "out of the surface, against the reference: {first}");
 }
 
+/// A tool that leaves fast is deepest before any input acts: a margin counts that as well.
+#[test]
+fn what_presses_before_the_inputs_act_is_in_the_margin() {
+    let mut parameters = parameters();
+    (parameters.timing.command_delay, parameters.mpc.models_delay) = (Span::from_seconds(0.004), true);
+    let speed = 0.1;
+    let mut sample = pressing(150.0, 1);
+    sample.joint_velocity = parameters
+        .chain
+        .kinematics(&sample.joint_position)
+        .inverse::<2>(1e-4)
+        .expect("far from singular")
+        .joint_velocity(&(normal() * speed));
+    solved_at(&mut mpc_of(&parameters), &sample, |mpc, situation| {
+        let verdict = mpc.press(situation, &demand(), &mut || false).verdict();
+        let Verdict::Feasible { margin, axis, time } = verdict else { panic!("{verdict:?}") };
+        let now = parameters.mpc.force_limit[axis] - situation.spring_force(axis, -1.0);
+        // The force is looked at eight times until then.
+        let (delay, stiffness) = (parameters.timing.command_delay.seconds(), parameters.surface.normal_stiffness());
+        let most = stiffness * speed * delay / 8.0 * normal()[axis];
+        assert!(0.0 < time && time < delay, "{time} s");
+        assert!(now < margin && margin < now + most, "{margin} N, with {now} N left at the sample");
+    });
+}
+
 #[test]
 fn the_same_problem_has_the_same_solution_warm_or_cold() {
     let mut warm = mpc();

@@ -23,7 +23,7 @@ pub enum Verdict {
     /// Yes, with the inputs found.
     Feasible {
         /// f_max minus the predicted peak of s·f_lin, in N (N·m on a rotational axis); the smallest
-        /// over axes and steps.
+        /// over axes, steps, and the time before the inputs act.
         margin: f64,
         /// The axis of that peak.
         axis: usize,
@@ -69,6 +69,15 @@ impl Verdict {
     /// Newtons by which some bound must at least be violated.
     pub(super) fn shortfall(&self) -> f64 {
         if let Self::Infeasible { shortfall, .. } = self { *shortfall } else { 0.0 }
+    }
+
+    /// The one of two feasible ones that leaves less.
+    #[must_use]
+    pub(super) fn closest(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Feasible { margin, .. }, Self::Feasible { margin: less, .. }) if less < margin => other,
+            _ => self,
+        }
     }
 
     /// Counts its newtons from the limit itself, where it is about one that is larger by the part
