@@ -5,7 +5,6 @@
 //! `channel`.
 
 mod args;
-mod arrival;
 mod channel;
 mod diagnostics;
 mod instance_lock;

@@ -5,6 +5,7 @@ use std::sync::mpsc::{Receiver, Sender};
 
 use admittance_core::quantities::{Instant, Span};
 use admittance_core::supervisor::Ending;
+use admittance_host::arrival::ArrivalEstimate;
 use admittance_host::clock::{monotonic_ns, pause, sleep_until_ns};
 use admittance_host::exit::ExitCode;
 use admittance_host::notifications::Notifications;
@@ -15,7 +16,6 @@ use ipc_types::{
     StateSample, StopReason, Subscriber,
 };
 
-use crate::arrival::ArrivalEstimate;
 use crate::channel::{Order, Outcome, RealtimeEnd, Replacement, Reply, Ticket};
 use crate::probe::Probe;
 use admittance_runner::config::{Config, Wait};

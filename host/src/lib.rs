@@ -1,6 +1,7 @@
 //! What both real-time programs need from the machine: clock, scheduling, processor check, logging,
 //! strict configuration and exit codes.
 
+pub mod arrival;
 pub mod clock;
 pub mod config;
 pub mod cpu;

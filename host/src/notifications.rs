@@ -20,6 +20,13 @@ impl Notifications {
         Self { listener }
     }
 
+    /// Takes what is there, so that the next [`Self::block`] waits at once: in the slack of a cycle, of one that looks for
+    /// samples before it waits.
+    pub fn drain(&self) {
+        // What cannot be taken is looked at by the next wait.
+        let _ = self.listener.try_wait(|_| {});
+    }
+
     /// Blocks until there is a notification, for `timeout` ns at most. Returns whether there may be
     /// a sample: the notification is perhaps that of one that was taken already.
     ///

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use admittance_client::{Applied, Arm, Controller, ControllerError, LeadLimits, OpenError};
-use admittance_host::clock::{monotonic_ns, sleep_until_ns};
+use admittance_host::arrival::ArrivalEstimate;
+use admittance_host::clock::{monotonic_ns, pause, sleep_until_ns};
 use admittance_host::notifications::Notifications;
 use egm_messages::{EgmRobot, Message};
 use ipc_types::{IpcSettings, MAX_JOINTS, StateSample};
@@ -40,6 +41,8 @@ const MOST_AT_ONCE: usize = 16;
 pub(crate) struct Setup {
     pub(crate) settings: IpcSettings,
     pub(crate) arm: Arm,
+    /// For how long before and after a message of the robot is due it is looked for again and again, ns.
+    pub(crate) spin_ns: u64,
     /// How long the daemon's answer is awaited, ns from the arrival of the robot's message.
     pub(crate) answer_ns: u64,
     /// In rad/s or m/s.
@@ -93,6 +96,8 @@ pub(crate) struct Edge {
     link: Link,
     stop: Arc<AtomicBool>,
     peer: Option<Peer>,
+    /// When the robot's next message is due.
+    arrival: ArrivalEstimate,
     /// Number of the next message to the robot.
     sequence: u32,
     /// The instant of the plan that was sent last, ns.
@@ -118,6 +123,7 @@ impl Edge {
         let counts = Counts::default();
         let leader = setup.lead.map(|limits| Leader::open(&setup.settings, limits)).transpose()?;
         Ok(Self {
+            arrival: ArrivalEstimate::new(setup.arm.sampling_time_ns),
             setup,
             guide,
             leader,
@@ -167,12 +173,19 @@ impl Edge {
 
     /// Waits for a message or for what is due, and answers it. `publishes`: messages become state samples.
     fn turn(&mut self, publishes: bool) -> Result<(), EdgeError> {
-        let now_ns = monotonic_ns();
-        let wait_ns = if self.peer.is_some() { self.due_ns.saturating_sub(now_ns) } else { LONGEST_WAIT_NS };
-        self.link.wait(wait_ns.min(LONGEST_WAIT_NS));
-        for _ in 0..MOST_AT_ONCE {
+        self.wait();
+        let mut taken = 0;
+        while taken < MOST_AT_ONCE {
             let arrival_ns = monotonic_ns();
-            let Some(outcome) = self.receive(arrival_ns)? else { break };
+            let Some(outcome) = self.receive(arrival_ns)? else {
+                if !self.is_nearly_due(arrival_ns) {
+                    break;
+                }
+                self.arrival.look(false);
+                pause();
+                continue;
+            };
+            taken += 1;
             match outcome {
                 Outcome::Ignored => {}
                 Outcome::Heard => self.bridge(arrival_ns),
@@ -190,6 +203,31 @@ impl Edge {
             self.bridge_silence();
         }
         Ok(())
+    }
+
+    /// Blocks until there is a datagram, until one is nearly due, or until something has to be sent.
+    fn wait(&mut self) {
+        let now_ns = monotonic_ns();
+        let until_ns = if self.peer.is_some() { self.due_ns } else { u64::MAX };
+        if self.is_nearly_due(now_ns) {
+            return;
+        }
+        // A blocked thread wakes far later than one that looks.
+        let looks_ns = self.looked_for_ns().map(|due_ns| due_ns.saturating_sub(self.setup.spin_ns));
+        let looks_ns = looks_ns.filter(|looks_ns| now_ns < *looks_ns).unwrap_or(u64::MAX);
+        self.link.wait(until_ns.min(looks_ns).saturating_sub(now_ns).min(LONGEST_WAIT_NS));
+        self.arrival.look(monotonic_ns() >= looks_ns);
+    }
+
+    /// Whether the robot's next message is due, within the time for which it is looked for.
+    fn is_nearly_due(&self, now_ns: u64) -> bool {
+        self.looked_for_ns().is_some_and(|due_ns| due_ns.abs_diff(now_ns) < self.setup.spin_ns)
+    }
+
+    /// When a message is due that is looked for, ns.
+    fn looked_for_ns(&self) -> Option<u64> {
+        let looks = self.setup.spin_ns > 0 && self.peer.is_some();
+        self.arrival.next().filter(|_| looks)
     }
 
     /// Takes a datagram; `None` when there is none.
@@ -260,6 +298,7 @@ impl Edge {
             let _ = self.controller.begin(measured.stamp_ns.saturating_sub(before * self.setup.arm.sampling_time_ns));
         }
         let mut sample = self.controller.begin(measured.stamp_ns);
+        self.arrival.see(sample.boot_id, sample.sequence, sample.stamp_ns, arrival_ns);
         fill(&mut sample, measured, &lead, self.setup.torque_factor.as_ref());
         self.controller.publish(&sample);
         if !self.await_answer(sample.sequence, arrival_ns + self.setup.answer_ns) {
@@ -270,6 +309,7 @@ impl Edge {
         }
         self.play(measured.stamp_ns + self.setup.arm.command_delay_ns, arrival_ns);
         self.controller.make_ready();
+        self.answers.drain();
     }
 
     /// Whether the answer to this sample comes before `until_ns`.

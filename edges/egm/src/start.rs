@@ -15,7 +15,7 @@ use admittance_host::realtime::{StepOutcome, go_real_time};
 use admittance_host::time_limit::TimeLimit;
 use admittance_host::twist_section::TwistSection;
 use admittance_host::{cpu, logging};
-use admittance_runner::config::Config;
+use admittance_runner::config::{Config, Wait};
 use ipc_types::resources::Needed;
 use ipc_types::{MAX_JOINTS, TASK_AXES};
 
@@ -160,16 +160,16 @@ fn plan(args: Args, exchange: Exchange<'_>) -> Result<Plan, Failure> {
     let torque_factor = edge.egm.torque_factors(units.len(), daemon.wrench.source).map_err(named)?;
     check_references(&daemon).map_err(|why| wrong(format!("{}: {why}", args.daemon_config.display())))?;
     check_delay(&daemon).map_err(|why| wrong(format!("{}: {why}", args.daemon_config.display())))?;
-    let arm = any_arm(&daemon.robot, daemon.control.minimum_reciprocal_condition)
+    let chain = any_arm(&daemon.robot, daemon.control.minimum_reciprocal_condition)
         .ok_or_else(|| wrong("robot: an arm that is not known".to_owned()))?;
     // Both were checked with the file.
     let (Ok(listen), Ok(robot)) = (edge.egm.listen.parse(), edge.egm.robot_address.parse()) else {
         return Err(wrong("egm.listen, egm.robot_address: no addresses".to_owned()));
     };
     let lead = edge.twist.as_ref().map(TwistSection::limits);
-    let (arm_options, answer_ns) = (of(&daemon, &speed_limit), answer_ns(&daemon));
-    let setup = Setup { settings, arm: arm_options, answer_ns, speed_limit, torque_factor, lead };
-    Ok(Plan { edge, listen, robot, setup, guide: Guide::new(exchange(arm), units, speed_limit) })
+    let (arm, spin_ns, answer_ns) = (of(&daemon, &speed_limit), spin_ns(&daemon), answer_ns(&daemon));
+    let setup = Setup { settings, arm, spin_ns, answer_ns, speed_limit, torque_factor, lead };
+    Ok(Plan { edge, listen, robot, setup, guide: Guide::new(exchange(chain), units, speed_limit) })
 }
 
 /// What is sent here is J⁻¹ of a twist, and steps to zero where the arm is to stand.
@@ -199,6 +199,15 @@ fn check_delay(daemon: &Config) -> Result<(), String> {
         ));
     }
     Ok(())
+}
+
+/// The robot's messages are awaited as the daemon awaits its samples. To look all the time is not for an edge, which may have
+/// the daemon's processor.
+fn spin_ns(daemon: &Config) -> u64 {
+    match daemon.control.wait {
+        Wait::Event => 0,
+        Wait::Hybrid | Wait::Spin => Span::from_seconds(daemon.control.spin_s).nanoseconds(),
+    }
 }
 
 fn answer_ns(daemon: &Config) -> u64 {

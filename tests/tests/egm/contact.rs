@@ -111,12 +111,19 @@ fn an_answer_is_waited_for_and_not_looked_for() {
             }
         });
         let text = std::fs::read_to_string(&trace).expect("strace wrote it");
-        let of = |what: &str| text.lines().filter(|line| line.contains(what)).count();
-        let (sent, slept, in_vain) = (of("sendto("), of("clock_nanosleep("), of("(Timeout)"));
-        println!("{cycles} cycles: {sent} sent, {slept} sleeps, {in_vain} waits in vain");
+        let lines = |what: &'static str| text.lines().filter(move |line| line.contains(what));
+        let robot = lines("sendto(").find(|line| line.contains("AF_INET")).expect("the robot is answered");
+        let robot = robot.split_once("sendto(").and_then(|(_, rest)| rest.split_once(',')).expect("a descriptor").0;
+        let robot = format!("fd={robot},");
+        let (sent, slept) = (lines("sendto(").count(), lines("clock_nanosleep(").count());
+        let (early, in_vain): (Vec<_>, Vec<_>) = lines("(Timeout)").partition(|line| line.contains(&robot));
+        let (early, in_vain) = (early.len(), in_vain.len());
+        println!("{cycles} cycles: {sent} sent, {slept} sleeps, {early} waits until it is due, {in_vain} in vain");
         // A daemon that looks for the sample already is not notified.
         assert!(cycles > 150 && sent > 9 * cycles / 10, "{sent} sent in {cycles} cycles");
         assert!(slept < cycles / 10 && in_vain < cycles / 10, "{slept} sleeps, {in_vain} waits in vain");
+        // The robot's next message is waited for until it is nearly due, and then looked for.
+        assert!((cycles / 2..11 * cycles / 10).contains(&early), "{early} waits in {cycles} cycles");
     });
 }
 

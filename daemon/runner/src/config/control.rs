@@ -66,7 +66,8 @@ config_section! {
         answer_budget_s: f64, unit "s", range 0.00001..=0.1;
         /// An older sample is stale, and a silence of this length counts as one.
         max_sample_age_s: f64, unit "s", range 0.0001..=1.0;
-        /// How the real-time thread waits for the next sample.
+        /// How the real-time thread waits for the next sample, and admittance-egm for its robot's next
+        /// message, where "spin" is as "hybrid".
         wait: Wait = Wait::Hybrid;
         /// With wait = "hybrid": how long before and after the instant at which a sample is due the
         /// thread spins.

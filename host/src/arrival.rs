@@ -1,5 +1,5 @@
 //! When the next state sample is due: the controller's clock, tracked from the stamps and arrivals
-//! of its samples.
+//! of its samples. A robot's messages are samples in this sense.
 //!
 //! Sample n is expected at stamp φ + n P and seen `latency` later. Phase φ and period P follow the
 //! stamps like a second-order phase-locked loop, the latency the median of what it was. A late
@@ -10,7 +10,7 @@
 
 /// The controller's clock as the samples so far tell it; times in ns of CLOCK_MONOTONIC.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ArrivalEstimate {
+pub struct ArrivalEstimate {
     /// T_s as configured.
     nominal: f64,
     /// What is known about the run that samples come from; nothing before the first one.
@@ -55,17 +55,17 @@ const LATENCY_STEP: f64 = 0.001;
 
 impl ArrivalEstimate {
     /// Nothing seen of a controller with this sampling time in ns.
-    pub(crate) fn new(sampling_time: u64) -> Self {
+    pub fn new(sampling_time: u64) -> Self {
         Self { nominal: sampling_time as f64, track: None, has_slept: false }
     }
 
     /// Records that the thread looks: after a sleep, or after a look that found nothing.
-    pub(crate) fn look(&mut self, after_sleep: bool) {
+    pub fn look(&mut self, after_sleep: bool) {
         self.has_slept = after_sleep;
     }
 
     /// Records a sample that was stamped at `stamp` and seen at `seen`.
-    pub(crate) fn see(&mut self, boot_id: u64, sequence: u64, stamp: u64, seen: u64) {
+    pub fn see(&mut self, boot_id: u64, sequence: u64, stamp: u64, seen: u64) {
         // A stamp that does not fit this clock is ignored.
         if stamp > seen {
             return;
@@ -122,7 +122,7 @@ impl ArrivalEstimate {
     /// When the next sample is expected; `None` before the first one. Never much later than a
     /// period after the last one was seen, whatever its sequence and stamp said: the thread may
     /// sleep until then.
-    pub(crate) fn next(&self) -> Option<u64> {
+    pub fn next(&self) -> Option<u64> {
         self.track.as_ref().map(|track| self.not_late(track, track.phase + track.period + track.latency))
     }
 
@@ -132,7 +132,7 @@ impl ArrivalEstimate {
     ///
     /// Counted from the stamp that is expected: a latency that had become longer by looking late
     /// would make the next look later still.
-    pub(crate) fn look_after(&self, now: u64) -> Option<u64> {
+    pub fn look_after(&self, now: u64) -> Option<u64> {
         let track = self.track.as_ref()?;
         let first = self.not_late(track, track.phase + track.period).saturating_add((self.nominal * GRACE) as u64);
         if now < first {
