@@ -3,6 +3,7 @@
 abb_robot_egm.py sensor PLANT_SIM ARGUMENT...            1000 cycles of joint speeds to plant-sim --egm, which it starts
 abb_robot_egm.py torques PLANT_SIM ARGUMENT...           50 cycles of standstill: what its motors' torques are read as
 abb_robot_egm.py robot PORT                              is a robot at rest for 200 messages; the edge answers at PORT
+abb_robot_egm.py read EgmRobot|EgmSensor HEX             what it reads in a message, and the message that it makes of that
 Prints one JSON object."""
 
 import json
@@ -14,6 +15,7 @@ import time
 import numpy
 from ABBRobotEGM import EGM
 from ABBRobotEGM._egm_protobuf import egm_pb2
+from google.protobuf.json_format import MessageToDict, ParseDict
 
 CYCLES = 1000
 # Degrees per second.
@@ -98,5 +100,17 @@ def robot(port):
     }
 
 
-said = {"sensor": sensor, "torques": torques, "robot": lambda arguments: robot(int(arguments[0]))}
+def read(kind, message):
+    told = getattr(egm_pb2, kind)()
+    told.ParseFromString(bytes.fromhex(message))
+    values = MessageToDict(told)
+    return {"read": values, "written": ParseDict(values, getattr(egm_pb2, kind)()).SerializeToString().hex()}
+
+
+said = {
+    "sensor": sensor,
+    "torques": torques,
+    "robot": lambda arguments: robot(int(arguments[0])),
+    "read": lambda arguments: read(*arguments),
+}
 print(json.dumps(said[sys.argv[1]](sys.argv[2:])))

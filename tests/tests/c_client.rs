@@ -84,21 +84,26 @@ fn watch(ipc: &PrivateIpc, mut controller: Command, mut each: impl FnMut(&TruthS
 
 #[test]
 fn a_controller_in_c_touches_and_slides_within_the_limit() {
-    touches_and_slides(Library::Shared);
+    touches_and_slides(Library::Shared, "gcc", &["-std=c11", "-O2"]);
 }
 
 /// The library is in the program then, and pkg-config knows what it wants besides.
 #[test]
 fn a_controller_with_the_static_library_does_so_as_well() {
-    touches_and_slides(Library::Static);
+    touches_and_slides(Library::Static, "gcc", &["-std=c11", "-O2"]);
 }
 
-fn touches_and_slides(library: Library) {
+#[test]
+fn a_controller_that_is_compiled_as_cpp_does_so_as_well() {
+    touches_and_slides(Library::Shared, "g++", &["-std=c++17", "-O2", "-x", "c++"]);
+}
+
+fn touches_and_slides(library: Library, compiler: &str, arguments: &[&str]) {
     undisturbed(|| {
         if !needs(Need::CToolchain) {
             return;
         }
-        let program = link(library, "gcc", &["-std=c11", "-O2"], "controller.c", &format!("controller-{library:?}"));
+        let program = link(library, compiler, arguments, "controller.c", &format!("controller-{library:?}-{compiler}"));
         let (code, wanted) = output(Command::new("readelf").arg("--dynamic").arg(&program));
         assert_eq!(code, Some(0), "{wanted}");
         assert_eq!(wanted.contains("[libadmittance_client.so.1]"), library == Library::Shared, "{wanted}");

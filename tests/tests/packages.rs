@@ -81,6 +81,15 @@ fn packages_come_replace_older_ones_and_go() {
     for page in ["man8/admittanced.8", "man1/admittancectl-move.1", "man1/plant-sim.1", "man8/admittance-egm.8"] {
         systemd.run(&format!("test -s /usr/share/man/{page}.gz"));
     }
+    for program in ["admittanced", "admittancectl", "admittance-egm", "plant-sim"] {
+        for file in [
+            format!("bash-completion/completions/{program}"),
+            format!("zsh/vendor-completions/_{program}"),
+            format!("fish/vendor_completions.d/{program}.fish"),
+        ] {
+            systemd.run(&format!("test -s /usr/share/{file}"));
+        }
+    }
     assert_eq!(
         systemd.run("grep -rl /usr/local /usr/lib/systemd/system/admittance* /usr/share/admittanced || true"),
         ""

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use plant_sim::faults::FaultKind;
 
-use super::row::{Injection, Row, Situation, Who};
+use super::row::{Injection, Row};
 use crate::c_controller::{TruthRelay, controller_command};
 use crate::session::plant_command;
 use crate::{Child, PrivateIpc};
@@ -26,15 +26,12 @@ impl Leader {
 }
 
 /// Whether a controller in C can bring the row about. It cannot leave the notification out or skip numbers, since its
-/// client does both, and it follows twists; and what plant-sim itself says or does about its files and its machine is not the C program's.
+/// client does both, it is its own pace, and it follows twists.
 pub fn is_for_c(row: &Row) -> bool {
-    let is_not_its_own = matches!(
+    !matches!(
         row.injection,
         Injection::Scripted(
             FaultKind::Unnotified | FaultKind::SequenceJump | FaultKind::Overrun | FaultKind::NotFollowing
         )
-    );
-    let mut expected = Situation::ALL.iter().flat_map(|situation| &row.expected(*situation).log);
-    let is_told_by_the_plant = expected.any(|line| line.by == Who::Plant);
-    !is_not_its_own && !is_told_by_the_plant
+    )
 }
