@@ -99,6 +99,9 @@ mod tests {
         notifier.notify().expect("notified");
         assert!(notifications.block(LONG), "notified");
         assert!(!notifications.block(1_000_000), "and taken");
+        notifier.notify().expect("notified");
+        notifications.drain();
+        assert!(!notifications.block(1_000_000), "drained");
 
         // The datagram is gone and the state stays, as when it comes in the middle of a take.
         notifier.notify().expect("notified");

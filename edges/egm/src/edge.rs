@@ -298,7 +298,6 @@ impl Edge {
             let _ = self.controller.begin(measured.stamp_ns.saturating_sub(before * self.setup.arm.sampling_time_ns));
         }
         let mut sample = self.controller.begin(measured.stamp_ns);
-        self.arrival.see(sample.boot_id, sample.sequence, sample.stamp_ns, arrival_ns);
         fill(&mut sample, measured, &lead, self.setup.torque_factor.as_ref());
         self.controller.publish(&sample);
         if !self.await_answer(sample.sequence, arrival_ns + self.setup.answer_ns) {
@@ -308,8 +307,10 @@ impl Edge {
             peer.bearing = Some(Bearing::new(&measured.reading, &lead));
         }
         self.play(measured.stamp_ns + self.setup.arm.command_delay_ns, arrival_ns);
+        // From here on there is time.
         self.controller.make_ready();
         self.answers.drain();
+        self.arrival.see(sample.boot_id, sample.sequence, sample.stamp_ns, arrival_ns);
     }
 
     /// Whether the answer to this sample comes before `until_ns`.

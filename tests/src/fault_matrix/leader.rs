@@ -26,7 +26,7 @@ impl Leader {
 }
 
 /// Whether a controller in C can bring the row about. It cannot leave the notification out or skip numbers, since its
-/// client does both, it is its own pace, and it follows twists.
+/// client does both, it paces them itself, and it follows twists.
 pub fn is_for_c(row: &Row) -> bool {
     !matches!(
         row.injection,

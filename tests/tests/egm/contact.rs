@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use end_to_end::session::{ctl_command, output};
+use end_to_end::session::{ctl_command, output, with_keys};
 use end_to_end::{Need, PATIENCE, Strace, needs, undisturbed, was_away_within};
 use ipc_types::TruthSample;
 
@@ -93,11 +93,23 @@ fn the_answer_to_each_message_goes_out_before_the_next_one() {
 /// Looking for it again and again would take the processor from a daemon that shares it.
 #[test]
 fn an_answer_is_waited_for_and_not_looked_for() {
+    waits("hybrid");
+}
+
+/// Nor is the robot's message, where the files say so.
+#[test]
+fn with_event_the_robot_is_waited_for_as_well() {
+    waits("event");
+}
+
+fn waits(wait: &str) {
     if !needs(Need::Strace) || !needs(Need::Root) {
         return;
     }
     undisturbed(|| {
-        let mut cell = Cell::of(&Files::patient().real_time());
+        let mut files = Files::patient().real_time();
+        files.daemon = with_keys(&files.daemon, &[("control.wait", &format!("\"{wait}\""))]);
+        let mut cell = Cell::of(&files);
         let trace = cell.ipc.directory().join("trace");
         let (edge, mut strace, mut cycles) = (cell.edge.id().to_string(), None, 0);
         cell.run(&[("egm.jitter_s", "0.0")], |_, _, truth| {
@@ -122,8 +134,9 @@ fn an_answer_is_waited_for_and_not_looked_for() {
         // A daemon that looks for the sample already is not notified.
         assert!(cycles > 150 && sent > 9 * cycles / 10, "{sent} sent in {cycles} cycles");
         assert!(slept < cycles / 10 && in_vain < cycles / 10, "{slept} sleeps, {in_vain} waits in vain");
-        // The robot's next message is waited for until it is nearly due, and then looked for.
-        assert!((cycles / 2..11 * cycles / 10).contains(&early), "{early} waits in {cycles} cycles");
+        // With "hybrid" the robot's next message is waited for until it is nearly due, and then looked for.
+        let expected = if wait == "hybrid" { cycles / 2..11 * cycles / 10 } else { 0..cycles / 10 };
+        assert!(expected.contains(&early), "{early} waits in {cycles} cycles");
     });
 }
 

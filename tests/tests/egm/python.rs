@@ -3,9 +3,9 @@
 use std::process::Command;
 
 use egm_messages::{
-    EgmCartesian, EgmCartesianSpeed, EgmClock, EgmFeedBack, EgmHeader, EgmJoints, EgmMciState, EgmMeasuredForce,
-    EgmMotorState, EgmPlanned, EgmPose, EgmQuaternion, EgmRapidCtrlExecState, EgmRobot, EgmSensor, EgmSpeedRef,
-    EgmTimestamp, Message,
+    EgmCartesian, EgmCartesianSpeed, EgmClock, EgmEuler, EgmFeedBack, EgmHeader, EgmJoints, EgmMciState,
+    EgmMeasuredForce, EgmMotorState, EgmPlanned, EgmPose, EgmQuaternion, EgmRapidCtrlExecState, EgmRobot, EgmSensor,
+    EgmSpeedRef, EgmTimestamp, Message,
 };
 use end_to_end::session::output;
 use end_to_end::{Need, needs, python};
@@ -13,10 +13,10 @@ use serde_json::{Value, json};
 
 use crate::cell::Cell;
 
-const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/python/abb_robot_egm.py");
+pub(crate) const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/python/abb_robot_egm.py");
 
 /// The JSON object that a command prints.
-fn said(command: &mut Command) -> Value {
+pub(crate) fn said(command: &mut Command) -> Value {
     let (code, text) = output(command);
     assert_eq!(code, Some(0), "{text}");
     let line = text.lines().find(|line| line.starts_with('{')).unwrap_or_else(|| panic!("no result: {text}"));
@@ -26,14 +26,14 @@ fn said(command: &mut Command) -> Value {
 /// What the package reads in a message, and the message that it makes of just that.
 fn read_by_python<M: Message + Default>(kind: &str, message: &M) -> (Value, M) {
     let hex: String = message.encode_to_vec().iter().map(|byte| format!("{byte:02x}")).collect();
-    let said = said(Command::new(python().expect("the need is met")).arg(SCRIPT).args(["read", kind, &hex]));
-    let written = said["written"].as_str().expect("a text");
+    let told = said(Command::new(python().expect("the need is met")).arg(SCRIPT).args(["read", kind, &hex]));
+    let written = told["written"].as_str().expect("a text");
     let byte = |at: usize| u8::from_str_radix(&written[at..at + 2], 16).expect("hexadecimal");
     let bytes: Vec<u8> = (0..written.len()).step_by(2).map(byte).collect();
-    (said["read"].clone(), M::decode(&bytes[..]).expect("a message"))
+    (told["read"].clone(), M::decode(&bytes[..]).expect("a message"))
 }
 
-/// A number in every field, no two alike.
+/// Something in every field, and no two numbers alike.
 #[test]
 fn each_decodes_the_others_messages_field_by_field() {
     if !needs(Need::AbbRobotEgm) {
@@ -41,26 +41,31 @@ fn each_decodes_the_others_messages_field_by_field() {
     }
     let joints = |first: f64, count: u32| EgmJoints { joints: (0..count).map(|n| first + f64::from(n)).collect() };
     let values = |first: f64, count: u32| joints(first, count).joints;
-    let pose = EgmPose {
-        pos: Some(EgmCartesian { x: 0.5, y: -1.5, z: 2.5 }),
-        orient: Some(EgmQuaternion { u0: 0.1, u1: 0.2, u2: 0.3, u3: 0.4 }),
-        euler: None,
+    let pose = |first: f64| EgmPose {
+        pos: Some(EgmCartesian { x: first, y: first + 1.0, z: first + 2.0 }),
+        orient: Some(EgmQuaternion { u0: first + 3.0, u1: first + 4.0, u2: first + 5.0, u3: first + 6.0 }),
+        euler: Some(EgmEuler { x: first + 7.0, y: first + 8.0, z: first + 9.0 }),
     };
-    let pose_read =
-        json!({ "pos": { "x": 0.5, "y": -1.5, "z": 2.5 }, "orient": { "u0": 0.1, "u1": 0.2, "u2": 0.3, "u3": 0.4 } });
+    let pose_read = |first: f64| {
+        json!({
+            "pos": { "x": first, "y": first + 1.0, "z": first + 2.0 },
+            "orient": { "u0": first + 3.0, "u1": first + 4.0, "u2": first + 5.0, "u3": first + 6.0 },
+            "euler": { "x": first + 7.0, "y": first + 8.0, "z": first + 9.0 },
+        })
+    };
 
     let robot = EgmRobot {
         header: Some(EgmHeader { seqno: Some(7), tm: Some(4_000_000_001), mtype: Some(2) }),
         feed_back: Some(EgmFeedBack {
             joints: Some(joints(10.25, 6)),
-            cartesian: Some(pose),
+            cartesian: Some(pose(100.75)),
             external_joints: Some(joints(20.25, 2)),
             time: Some(EgmClock { sec: 30, usec: 31 }),
             time_stamp: Some(EgmTimestamp { sec: Some(32), nsec: Some(33) }),
         }),
         planned: Some(EgmPlanned {
             joints: Some(joints(-40.25, 6)),
-            cartesian: Some(pose),
+            cartesian: Some(pose(120.75)),
             external_joints: Some(joints(50.25, 2)),
             time: Some(EgmClock { sec: 60, usec: 61 }),
             time_stamp: Some(EgmTimestamp { sec: Some(62), nsec: Some(63) }),
@@ -78,14 +83,14 @@ fn each_decodes_the_others_messages_field_by_field() {
         "header": { "seqno": 7, "tm": 4_000_000_001_u32, "mtype": "MSGTYPE_DATA" },
         "feedBack": {
             "joints": { "joints": values(10.25, 6) },
-            "cartesian": pose_read,
+            "cartesian": pose_read(100.75),
             "externalJoints": { "joints": values(20.25, 2) },
             "time": { "sec": "30", "usec": "31" },
             "timeStamp": { "sec": "32", "nsec": "33" },
         },
         "planned": {
             "joints": { "joints": values(-40.25, 6) },
-            "cartesian": pose_read,
+            "cartesian": pose_read(120.75),
             "externalJoints": { "joints": values(50.25, 2) },
             "time": { "sec": "60", "usec": "61" },
             "timeStamp": { "sec": "62", "nsec": "63" },

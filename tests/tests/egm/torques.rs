@@ -11,6 +11,7 @@ use end_to_end::{Need, binaries, motor_torque, needs, python, undisturbed};
 use ipc_types::services::{self, Access};
 
 use crate::cell::{Cell, Files, MOST, fastest, peak};
+use crate::python::{SCRIPT, said};
 
 const MASSES: &str = include_str!("../../../plant-sim/scenarios/six-joint-masses.toml");
 /// What `motor_torque::config` asks for, N.
@@ -94,17 +95,12 @@ fn abb_robot_egm_reads_the_torques_of_the_emulated_robot() {
         return;
     }
     let cell = Cell::of(&files());
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/python/abb_robot_egm.py");
     let changes = [("timing.settle_s", "20.0"), ("egm.comm_timeout_s", "1.0"), ("surface.stiffness_n_m", "100.0")];
     let plant = cell.plant(&changes, cell.address());
     let plant_arguments = plant.get_args().take_while(|argument| *argument != "--egm");
     let mut sensor = Command::new(python().expect("the need is met"));
-    sensor.arg(script).arg("torques").arg(plant.get_program()).args(plant_arguments);
-    let (code, text) = output(&mut sensor);
-    assert_eq!(code, Some(0), "{text}");
-    let line = text.lines().find(|line| line.starts_with('{')).unwrap_or_else(|| panic!("no result: {text}"));
-    let read: serde_json::Value = serde_json::from_str(line).expect("JSON");
-    let torques: Vec<f64> = serde_json::from_value(read["torques"].clone()).expect("numbers");
+    sensor.arg(SCRIPT).arg("torques").arg(plant.get_program()).args(plant_arguments);
+    let torques: Vec<f64> = serde_json::from_value(said(&mut sensor)["torques"].clone()).expect("numbers");
     println!("{torques:?}");
     assert_eq!(torques.len(), 6);
     // The second and third joint carry the arm: tens of N m, and more than the wrist has.
