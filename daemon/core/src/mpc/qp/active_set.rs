@@ -84,8 +84,9 @@ impl SolverCapacity {
 /// alone sees. One member may be left out of the sum, if its own part in c is then in e.
 ///
 /// m is at most 1e-10 of the row's scale. Where exchanging such rows for one another takes y no
-/// farther from y0 any more, it may be 1e-6; whoever needs better looks at [`super::kkt_residual`].
-/// Where it would be more than that, the outcome is `Failed` or `Infeasible`.
+/// farther from y0 any more, it may be 1e-6, and so may the violation of a row with an ‖e‖ of up to
+/// 1e-7 of ‖c‖; whoever needs better looks at [`super::kkt_residual`]. Where it would be more than
+/// that, the outcome is `Failed` or `Infeasible`.
 ///
 /// A row with slightly more left of its normal than that is followed, and its multiplier is as
 /// large as y moves over ‖e‖. Where the rounding of the working set's multipliers, 4 ε Σ λ_i ‖c_i‖,

@@ -13,6 +13,8 @@ use crate::random_qp::DenseQp;
 const FEASIBLE: f64 = 1e-10;
 /// Part of its length below which the solver takes a row for a combination of others, by design.
 const DEPENDENT: f64 = 1e-9;
+/// The same of a row that is exchanged for others without end: then it is missed by what is negligible, by design.
+const NEARLY_DEPENDENT: f64 = 1e-7;
 /// Part of the longest of the normals that it is a combination of, below which what is left of a
 /// row is rounding, by design.
 const COMBINED: f64 = 1e-12;
@@ -198,7 +200,8 @@ impl Scale {
             let combinations = combinations.get_or_insert_with(|| Combinations::of(self, problem, plea));
             let combination = combinations.of_row(self, problem, row);
             let allowed = self.implied(qp, plea, row, &combination, rounding);
-            let contradiction = if self.is_implied(row, &combination) { NEGLIGIBLE / qp.weight[row] } else { 0.0 };
+            let contradiction =
+                if self.is_nearly_implied(row, &combination) { NEGLIGIBLE / qp.weight[row] } else { 0.0 };
             // In plain numbers no bounds contradict each other by so little.
             let is_let_be = !is_plain && violation > allowed && violation <= allowed + contradiction;
             is_contradicted |= is_let_be;
@@ -213,17 +216,26 @@ impl Scale {
         Ok(if is_contradicted { Finding::Undecided } else { Finding::Solved { tolerance: rounding } })
     }
 
-    /// What may be left of a row's normal that counts as a combination of others.
-    fn least(&self, row: usize) -> f64 {
+    /// What may be left of a row's normal that counts as a combination of others: a part of its length.
+    fn least(&self, row: usize, part: f64) -> f64 {
         // The solver and this do not round alike.
-        (1.0 + 1e-6) * DEPENDENT * self.rows[row]
+        (1.0 + 1e-6) * part * self.rows[row]
     }
 
     /// Whether the working set all but spans a row's normal.
     fn is_implied(&self, row: usize, combination: &Combination) -> bool {
+        self.is_within(row, combination, DEPENDENT)
+    }
+
+    /// Whether it does where rows are exchanged for one another without end.
+    fn is_nearly_implied(&self, row: usize, combination: &Combination) -> bool {
+        self.is_within(row, combination, NEARLY_DEPENDENT)
+    }
+
+    fn is_within(&self, row: usize, combination: &Combination, part: f64) -> bool {
         let longest =
             combination.parts.iter().fold(0.0_f64, |most, (row, part, _)| most.max(part.abs() * self.rows[*row]));
-        combination.rest <= self.least(row).max(COMBINED * longest)
+        combination.rest <= self.least(row, part).max(COMBINED * longest)
     }
 
     /// By how much a row may be violated, as `ActiveSet` promises, where no bounds contradict each
@@ -236,7 +248,7 @@ impl Scale {
         }
         // One member may be left out of the sum: then its own part is in e.
         let own = combination.parts.iter().map(|(_, part, distance)| part.abs() * distance);
-        let left = own.map(|own| combination.rest.hypot(own)).filter(|left| *left <= self.least(row));
+        let left = own.map(|own| combination.rest.hypot(own)).filter(|left| *left <= self.least(row, DEPENDENT));
         let left = left.fold(combination.rest, f64::max);
         let members: f64 = combination.parts.iter().map(|(row, part, _)| part.abs() * rounding * self.rows[*row]).sum();
         off + members + left * self.length(&plea.z)

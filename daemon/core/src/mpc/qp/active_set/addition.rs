@@ -48,6 +48,10 @@ impl Run<'_, '_> {
             let longest = self.combine();
             let fall = &self.fall[..padded(len)];
             let pairs = || self.working.members[..len].iter().zip(fall.iter());
+            if self.is_stuck() && projection.is_nearly_dependent() && violation <= NEGLIGIBLE / weight {
+                // Followed, it would move y by far more than it is missed by, and all others with it.
+                return Ok(has_let_go);
+            }
             // Of long normals that cancel, what is left may be their rounding.
             let is_cancelled = projection.is_cancelled(longest);
             let is_independent = !projection.dependent && !is_cancelled && len < self.qp.variables;
@@ -75,14 +79,16 @@ impl Run<'_, '_> {
                 let is_small = violation <= FEASIBLE / weight + unseen || self.is_stuck();
                 let is_lost = is_small && missed <= NEGLIGIBLE / weight + noise;
                 let is_exact = is_cancelled || projection.is_exact();
-                let is_alone = is_implied && (is_exact || (!self.fresh && step.is_infinite()));
+                // Where nothing blocks it, the bounds have to contradict one another by more than they are known.
+                let is_unproven = step.is_infinite() && missed <= FEASIBLE / weight + noise;
+                let is_alone = is_implied && is_exact;
                 // In place of a long one among normals that cancel, it holds y better than they do.
                 let is_long = |index: usize| {
                     let part = fall[index] * self.working.members[index].length;
                     part * part > BETTER * BETTER * projection.whole
                 };
                 let is_better = !in_its_place.is_cancelled(longest) && blocked_by.is_some_and(is_long);
-                if (is_alone || is_lost) && !is_better {
+                if is_unproven || (is_alone || is_lost) && !is_better {
                     return Ok(has_let_go);
                 }
             }

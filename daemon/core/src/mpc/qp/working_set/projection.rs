@@ -5,6 +5,9 @@
 /// by less than this have the same effect.
 const DEPENDENT: f64 = 1e-9;
 
+/// The same where rows are exchanged for one another without end.
+const NEARLY_DEPENDENT: f64 = 1e-7;
+
 /// What may be left of a normal without the others and be rounding: part of its length, or of the
 /// longest of those that it is a combination of.
 const COMBINED: f64 = 1e-12;
@@ -25,6 +28,11 @@ pub(in crate::mpc::qp) struct Projection {
 impl Projection {
     pub(super) fn new(whole: f64, rest: f64, start: usize) -> Self {
         Self { whole, rest, dependent: rest <= whole * (DEPENDENT * DEPENDENT) || rest.is_nan(), start }
+    }
+
+    /// Whether following what is left of c moves y by ten million times what it is missed by, or more.
+    pub(in crate::mpc::qp) fn is_nearly_dependent(&self) -> bool {
+        self.rest <= self.whole * (NEARLY_DEPENDENT * NEARLY_DEPENDENT)
     }
 
     /// Whether what is left is rounding in what c is a combination of: the longest part is given.
