@@ -57,6 +57,7 @@ pub(super) fn planar_arm() -> Parameters<2, 2> {
             minimum_force: Vector2::repeat(0.1),
             limit_tolerance: 0.0,
             lag_tolerance: 0.0,
+            wrench_lag_tolerance: 0.0,
             lower_bound: LowerBound::Always,
             force_points: ForcePoints::StepEnds,
             models_delay: false,

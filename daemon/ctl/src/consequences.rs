@@ -161,6 +161,18 @@ fn lateness(config: &Config) -> Option<String> {
     })
 }
 
+/// What a wrench that lags longer than told makes of the verdict.
+fn longer_lag(config: &Config) -> Option<String> {
+    let share = config.contact.wrench_lag_tolerance;
+    (share > 0.0 && config.control.law == LawName::Mpc).then(|| {
+        format!(
+            "the wrench may lag {} % longer than that: a verdict is feasible where the limit would be kept if so much more of \
+             the force were not shown yet, else AtRisk",
+            short(share * 100.0)
+        )
+    })
+}
+
 /// What the drives are told to take, and what that makes of coming to rest.
 fn drives(config: &Config) -> Option<String> {
     let limits = &config.limits;
@@ -228,6 +240,7 @@ fn belief(config: &Config) -> Vec<String> {
         "wrench: time constants {:?} s, dead time {} s",
         config.contact.wrench_time_constant_s, config.contact.wrench_dead_time_s
     ));
+    lines.extend(longer_lag(config));
     lines.extend(surface(config));
     lines.extend(redundancy(config));
     lines.push(format!(

@@ -132,6 +132,7 @@ pub fn parameters<const N: usize, const D: usize>(config: &Config, inputs_per_cy
             minimum_force: vector(&contact.minimum_force)?,
             limit_tolerance: contact.limit_tolerance,
             lag_tolerance: config.control.lag_tolerance_s,
+            wrench_lag_tolerance: contact.wrench_lag_tolerance,
             lower_bound: match contact.lower_bound {
                 LowerBoundName::Always => LowerBound::Always,
                 LowerBoundName::OnceReached => LowerBound::OnceReached,

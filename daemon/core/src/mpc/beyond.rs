@@ -131,7 +131,8 @@ impl Beyond {
         }
         // What damping leaves undone is the most that it can be.
         let undone = situation.missed_by_damping(plan) / DEVIATIONS;
-        let deviation = self.deviation + situation.belief.deviation() + undone;
+        let hidden = hidden_of(&verdict, settings, situation) / DEVIATIONS;
+        let deviation = self.deviation + situation.belief.deviation() + undone + hidden;
         verdict.unsure(deviation, &situation.belief.surface().normal)
     }
 
@@ -148,5 +149,22 @@ impl Beyond {
             }
             _ => verdict,
         }
+    }
+}
+
+/// What f̂ hides of the predicted peak if its lag is as much longer than T_est as it may be, N along the normal:
+/// by (6) f − f̂ is in proportion to the lag, and a stiffness that was learned from f̂ is too small by the same share.
+fn hidden_of<const N: usize, const D: usize>(
+    verdict: &Verdict,
+    settings: &Settings<N, D>,
+    situation: &Situation<'_, N, D>,
+) -> f64 {
+    let (share, surface) = (settings.options.wrench_lag_tolerance, situation.belief.surface());
+    match *verdict {
+        Verdict::Feasible { margin, axis, .. } if share > 0.0 => {
+            let peak = (settings.options.force_limit[axis] - margin) / surface.normal[axis].abs();
+            share * (peak - surface.pressing_force(&situation.sample.wrench)).max(0.0)
+        }
+        _ => 0.0,
     }
 }

@@ -71,6 +71,8 @@ pub struct Options<const N: usize, const D: usize> {
     pub limit_tolerance: f64,
     /// By how many seconds later than the model says the arm may follow its commands.
     pub lag_tolerance: f64,
+    /// By what share of T_est the lag of f̂ may be longer than told.
+    pub wrench_lag_tolerance: f64,
     /// When f_min holds.
     pub lower_bound: LowerBound,
     /// How fast the arm may be commanded into the surface.

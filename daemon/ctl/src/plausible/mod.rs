@@ -90,6 +90,13 @@ impl Cell {
         self
     }
 
+    /// The same cell whose wrench is told to lag by up to this share longer than T_est. The speed stays.
+    #[must_use]
+    pub fn allowing_wrench_lag(mut self, wrench_lag_tolerance: f64) -> Self {
+        self.config.contact.wrench_lag_tolerance = wrench_lag_tolerance;
+        self
+    }
+
     /// The same cell whose controller is told that the speed loops are of second order, with this damping ratio
     /// in each joint. The speed stays.
     #[must_use]

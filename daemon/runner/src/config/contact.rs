@@ -52,6 +52,9 @@ config_section! {
         minimum_force: Vec<f64>, unit "N, N m", range 0.0..=1e4, length 2..=6, each "axis";
         /// Time constant of the wrench estimate T_est (6); 0 for a sensor without lag.
         wrench_time_constant_s: Vec<f64>, unit "s", range 0.0..=0.5, length 2..=6, each "axis";
+        /// By what share of wrench_time_constant_s its lag may be longer than that. A verdict is feasible only
+        /// where the force would be kept if f̂ hid so much more of what it does not show yet; else it is AtRisk.
+        wrench_lag_tolerance: f64 = 0.0, unit "1", range 0.0..=1.0;
         /// By how much later the wrench estimate shows the force, besides that lag: transport, a
         /// filter that delays. Not with environment.contact = "detected".
         wrench_dead_time_s: f64 = 0.0, unit "s", range 0.0..=0.1;

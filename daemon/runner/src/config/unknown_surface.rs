@@ -44,16 +44,20 @@ impl Config {
         range.map(warning).into_iter().collect()
     }
 
-    /// Of an arm that may follow late, with the law that does not predict it.
+    /// Of an arm or a wrench that may lag longer, with the law that does not predict it.
     pub(super) fn lag_tolerance_without_mpc(&self) -> Vec<String> {
-        let tolerance = self.control.lag_tolerance_s;
-        if self.control.law != LawName::Damping || tolerance == 0.0 {
-            return Vec::new();
-        }
-        vec![format!(
-            "control.lag_tolerance_s = {tolerance} s with control.law = \"damping\": the tolerance has no effect on what that \
-             law commands; leave it out, or set control.law = \"mpc\""
-        )]
+        let told = [
+            ("control.lag_tolerance_s", self.control.lag_tolerance_s, " s"),
+            ("contact.wrench_lag_tolerance", self.contact.wrench_lag_tolerance, ""),
+        ];
+        let without_effect = |(key, tolerance, unit): (&str, f64, &str)| {
+            format!(
+                "{key} = {tolerance}{unit} with control.law = \"damping\": the tolerance has no effect on what that \
+                 law commands; leave it out, or set control.law = \"mpc\""
+            )
+        };
+        let is_damping = self.control.law == LawName::Damping;
+        told.into_iter().filter(|(_, tolerance, _)| is_damping && *tolerance > 0.0).map(without_effect).collect()
     }
 
     /// Of a range with a wrench that is told to be free of noise.
@@ -210,6 +214,10 @@ mod tests {
         config.control.lag_tolerance_s = 0.005;
         let of_lag = "control.lag_tolerance_s = 0.005 s with control.law = \"damping\": the tolerance has no effect";
         assert!(config.warnings().iter().any(|warning| warning.starts_with(of_lag)), "{:?}", config.warnings());
+        config.contact.wrench_lag_tolerance = 0.25;
+        let of_wrench =
+            "contact.wrench_lag_tolerance = 0.25 with control.law = \"damping\": the tolerance has no effect";
+        assert!(config.warnings().iter().any(|warning| warning.starts_with(of_wrench)), "{:?}", config.warnings());
         config.environment.stiffness_range_n_m = Some([1e4, 5e5]);
         let warnings = config.warnings();
         assert!(

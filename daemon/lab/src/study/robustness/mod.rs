@@ -20,6 +20,8 @@ const TOLD_S: f64 = 0.1;
 const STIFFNESS_WITHIN: f64 = 2.5;
 /// What is told of an arm that follows late, s.
 const LAG_TOLERANCE_S: f64 = 0.005;
+/// contact.wrench_lag_tolerance that a controller is told.
+const WRENCH_LAG_TOLERANCE: f64 = 0.25;
 /// What is told of speed loops whose order is not known: that they are of second order with this damping ratio.
 const LOOP_DAMPING: f64 = 0.8;
 /// Parts of the highest safe speed with the model as told.
@@ -50,7 +52,7 @@ struct Told {
     #[arg(long, value_parser = cells::NAMES)]
     cell: Option<String>,
     /// Tell the controller the stiffness as one number, no tolerances, and loops of first order.
-    #[arg(long, conflicts_with_all = ["stiffness_within", "lag_tolerance", "loop_damping"])]
+    #[arg(long, conflicts_with_all = ["stiffness_within", "lag_tolerance", "wrench_lag_tolerance", "loop_damping"])]
     exact: bool,
     /// Tell the controller only that the stiffness is within this factor of what it would be told.
     #[arg(long, value_name = "FACTOR", default_value_t = STIFFNESS_WITHIN, allow_negative_numbers = true, value_parser = within)]
@@ -58,6 +60,9 @@ struct Told {
     /// Tell the controller that the arm may follow so many seconds later than it was told.
     #[arg(long, value_name = "SECONDS", default_value_t = LAG_TOLERANCE_S, allow_negative_numbers = true, value_parser = lag_tolerance)]
     lag_tolerance: f64,
+    /// Tell the controller that the wrench may lag longer than it was told by this share.
+    #[arg(long, value_name = "SHARE", default_value_t = WRENCH_LAG_TOLERANCE, allow_negative_numbers = true, value_parser = share)]
+    wrench_lag_tolerance: f64,
     /// Tell the controller that the speed loops are of second order, with this damping ratio.
     #[arg(long, value_name = "RATIO", default_value_t = LOOP_DAMPING, allow_negative_numbers = true, value_parser = damping)]
     loop_damping: f64,
@@ -76,6 +81,7 @@ impl Default for Told {
             exact: false,
             stiffness_within: STIFFNESS_WITHIN,
             lag_tolerance: LAG_TOLERANCE_S,
+            wrench_lag_tolerance: WRENCH_LAG_TOLERANCE,
             loop_damping: LOOP_DAMPING,
             wrench_weight: 1.0,
             input_weight: 1.0,
@@ -106,6 +112,7 @@ impl Told {
         }
         cell.knowing_a_range(self.stiffness_within)
             .allowing_lag(self.lag_tolerance)
+            .allowing_wrench_lag(self.wrench_lag_tolerance)
             .following_with_damping(self.loop_damping)
     }
 }
@@ -123,6 +130,7 @@ impl fmt::Display for Told {
         for (name, told, usual) in [
             ("stiffness-within", self.stiffness_within, usual.stiffness_within),
             ("lag-tolerance", self.lag_tolerance, usual.lag_tolerance),
+            ("wrench-lag-tolerance", self.wrench_lag_tolerance, usual.wrench_lag_tolerance),
             ("loop-damping", self.loop_damping, usual.loop_damping),
             ("wrench-weight", self.wrench_weight, usual.wrench_weight),
             ("input-weight", self.input_weight, usual.input_weight),
@@ -143,6 +151,11 @@ fn within(text: &str) -> Result<f64, String> {
 fn lag_tolerance(text: &str) -> Result<f64, String> {
     let seconds = text.parse().ok().filter(|seconds| (0.0..=0.02).contains(seconds));
     seconds.ok_or_else(|| "accepted: 0 to 0.02 s, as control.lag_tolerance_s".to_owned())
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "accepted: 0 to 1, as contact.wrench_lag_tolerance".to_owned())
 }
 
 fn damping(text: &str) -> Result<f64, String> {
@@ -417,6 +430,22 @@ mod tests {
         }
     }
 
+    /// Above the limit by 2 to 9 % in silence, as full outward speed is: T_est was told 6 to 25 % too short, and a verdict is
+    /// feasible with 1 N to spare where f̂ shows a tenth of the force.
+    #[test]
+    fn a_touch_that_a_longer_lag_hides_is_at_risk() {
+        let exact_lag = Told { wrench_lag_tolerance: 0.0, ..Told::default() };
+        for (seed, index) in [(29_640, 438), (29_640, 510), (3401, 60), (2973, 870)] {
+            let told = |told: &Told| {
+                let (_, cell) = cells::with_speeds(&["planar, 4 ms"], 1).unwrap().remove(0);
+                let contact = at_half_speed(&told.tell(cell), seed, index);
+                assert_eq!((contact.stop_reason, contact.is_over), (None, true), "{seed} {index}: {contact:?}");
+                contact.is_at_risk
+            };
+            assert_eq!((told(&exact_lag), told(&Told::default())), (false, true), "{seed} {index}");
+        }
+    }
+
     /// What docs/commissioning.md says to tell is what the study tells.
     #[test]
     fn what_the_page_says_to_tell_is_told() {
@@ -436,6 +465,7 @@ mod tests {
         let told = told.config();
         assert_eq!(laid.robot.velocity_loop, told.robot.velocity_loop);
         assert_eq!(laid.control.lag_tolerance_s, told.control.lag_tolerance_s);
+        assert_eq!(laid.contact.wrench_lag_tolerance, told.contact.wrench_lag_tolerance);
         assert_eq!(format!("{:?}", laid.environment), format!("{:?}", told.environment));
     }
 
@@ -450,6 +480,7 @@ mod tests {
             exact: false,
             stiffness_within: 3.0,
             lag_tolerance: 0.004,
+            wrench_lag_tolerance: 0.1,
             loop_damping: 0.7,
             wrench_weight: 10.0,
             input_weight: 0.1,
