@@ -381,7 +381,11 @@ mod tests {
 
     /// A touch at half speed, of a controller that is told what the study tells.
     fn at_half_speed(cell: &Cell, seed: u64, index: u64) -> Contact {
-        let cell = Told::default().tell(cell.clone());
+        told_at_half_speed(&Told::default(), cell, seed, index)
+    }
+
+    fn told_at_half_speed(told: &Told, cell: &Cell, seed: u64, index: u64) -> Contact {
+        let cell = told.tell(cell.clone());
         let world = plausible::world(seed, index, cell.config().robot.joint.len());
         let scenario = cell.scenario(&world, SPEEDS[1] * cell.highest_speed_m_s, |_| true);
         plausible::press(cell.config(), &scenario).unwrap()
@@ -435,10 +439,10 @@ mod tests {
     #[test]
     fn a_touch_that_a_longer_lag_hides_is_at_risk() {
         let exact_lag = Told { wrench_lag_tolerance: 0.0, ..Told::default() };
+        let (_, cell) = cells::with_speeds(&["planar, 4 ms"], 1).unwrap().remove(0);
         for (seed, index) in [(29_640, 438), (29_640, 510), (3401, 60), (2973, 870)] {
             let told = |told: &Told| {
-                let (_, cell) = cells::with_speeds(&["planar, 4 ms"], 1).unwrap().remove(0);
-                let contact = at_half_speed(&told.tell(cell), seed, index);
+                let contact = told_at_half_speed(told, &cell, seed, index);
                 assert_eq!((contact.stop_reason, contact.is_over), (None, true), "{seed} {index}: {contact:?}");
                 contact.is_at_risk
             };
