@@ -47,12 +47,15 @@ impl Files {
         files
     }
 
-    /// With the priorities that are shipped, and the age of a sample: other programs do not hold these up. Who has no right to them runs as ever.
+    /// With the priorities and the age of a sample that are shipped: other programs do not hold these up. Who has no
+    /// right to them runs as ever.
     pub(crate) fn real_time(mut self) -> Self {
         for (file, priority) in [(&mut self.daemon, "85"), (&mut self.edge, "86"), (&mut self.scenario, "80")] {
             *file = with_keys(file, &[("realtime.priority", priority)]);
         }
-        self.daemon = with_keys(&self.daemon, &[("control.max_sample_age_s", "0.02")]);
+        let shipped: toml::Table = DAEMON.parse().expect("the shipped file is TOML");
+        let age_s = shipped["control"]["max_sample_age_s"].to_string();
+        self.daemon = with_keys(&self.daemon, &[("control.max_sample_age_s", &age_s)]);
         self.scenario = with_keys(&self.scenario, &[("realtime.cpu", "0")]);
         self
     }

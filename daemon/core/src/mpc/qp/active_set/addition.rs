@@ -44,14 +44,14 @@ impl Run<'_, '_> {
             if !violation.is_finite() {
                 return Err(Ended::Failed);
             }
-            let len = self.working.len;
-            let longest = self.combine();
-            let fall = &self.fall[..padded(len)];
-            let pairs = || self.working.members[..len].iter().zip(fall.iter());
             if self.is_stuck() && projection.is_nearly_dependent() && violation <= NEGLIGIBLE / weight {
                 // Followed, it would move y by far more than it is missed by, and all others with it.
                 return Ok(has_let_go);
             }
+            let len = self.working.len;
+            let longest = self.combine();
+            let fall = &self.fall[..padded(len)];
+            let pairs = || self.working.members[..len].iter().zip(fall.iter());
             // Of long normals that cancel, what is left may be their rounding.
             let is_cancelled = projection.is_cancelled(longest);
             let is_independent = !projection.dependent && !is_cancelled && len < self.qp.variables;
