@@ -152,8 +152,9 @@ impl Beyond {
     }
 }
 
-/// What f̂ hides of the predicted peak if its lag is as much longer than T_est as it may be, N along the normal:
-/// by (6) f − f̂ is in proportion to the lag, and a stiffness that was learned from f̂ is too small by the same share.
+/// By what the predicted peak may be larger, N along the normal, if the lag of f̂ is as much longer than T_est as it
+/// may be. By (6) what f̂ does not show is in proportion to its lag: the force now is then larger by this share of it,
+/// and so, in proportion, is what comes of a stiffness that was learned from f̂.
 fn hidden_of<const N: usize, const D: usize>(
     verdict: &Verdict,
     settings: &Settings<N, D>,
@@ -163,7 +164,9 @@ fn hidden_of<const N: usize, const D: usize>(
     match *verdict {
         Verdict::Feasible { margin, axis, .. } if share > 0.0 => {
             let peak = (settings.options.force_limit[axis] - margin) / surface.normal[axis].abs();
-            share * (peak - surface.pressing_force(&situation.sample.wrench)).max(0.0)
+            let now = -situation.spring_force(axis, 1.0) / surface.normal[axis];
+            let shown = surface.pressing_force(&situation.sample.wrench);
+            if now > 0.0 { share * peak.max(0.0) * ((now - shown) / now).clamp(0.0, 1.0) } else { 0.0 }
         }
         _ => 0.0,
     }
