@@ -83,3 +83,31 @@ fn a_margin_counts_from_the_limit() {
         assert!((part * free..=1.2 * free).contains(&least), "{least} N, {free} N are free");
     }
 }
+
+/// What a longer lag of the wrench would hide (`contact.wrench_lag_tolerance`) is off the margin, and no command changes.
+/// A wrench without lag hides nothing, and neither does one that has settled.
+#[test]
+fn what_a_longer_lag_hides_is_off_the_margin() {
+    for lag_s in [0.0, 0.02] {
+        let run = |share: f64| {
+            let mut experiment = Experiment::paper(0.004, 0.2);
+            experiment.config.contact.wrench_time_constant_s.fill(lag_s);
+            experiment.scenario.wrench.time_constant_s.fill(lag_s);
+            experiment.config.contact.wrench_lag_tolerance = share;
+            experiment.run()
+        };
+        let (told, tolerant) = (run(0.0), run(0.25));
+        let mut hidden = Vec::new();
+        for (told, tolerant) in told.instants.iter().zip(&tolerant.instants) {
+            assert_eq!(told.command.velocity_offset, tolerant.command.velocity_offset);
+            if told.command.verdict != Verdict::None.code() {
+                hidden.push(told.command.verdict_margin - tolerant.command.verdict_margin);
+            }
+        }
+        let most = hidden.iter().copied().fold(0.0, f64::max);
+        let last = hidden.last().copied().expect("a touch");
+        println!("lag {lag_s} s: {most:.2} N hidden at most, {last:.3} N in the end");
+        assert!(last < 0.5, "lag {lag_s} s: {last} N hidden in the end");
+        assert!(if lag_s > 0.0 { most > 5.0 } else { most < 0.5 }, "lag {lag_s} s: {most} N hidden");
+    }
+}
