@@ -68,15 +68,13 @@ impl Combinations {
     /// y0 + Cᵀ λ with λ = R⁻¹ (R⁻ᵀ bounds − Qᵀ y0): what its rounding is relative to.
     pub(super) fn pushed(&self, scale: &Scale, problem: &DenseQp, plea: &Plea) -> f64 {
         let y0: Vec<f64> = scale.normal(&problem.gradient).iter().map(|c| -c).collect();
-        let mut along: Vec<f64> = Vec::new();
-        for (column, row) in self.members.iter().enumerate() {
-            let bound = match plea.working[*row] {
-                RowState::Lower => problem.lower[*row],
-                _ => problem.upper[*row],
-            };
-            let known: f64 = (0..column).map(|above| self.triangle[column][above] * along[above]).sum();
-            along.push((bound - known) / self.triangle[column][column]);
-        }
+        let mut along = self.substitute_transposed(|member| {
+            let row = self.members[member];
+            match plea.working[row] {
+                RowState::Lower => problem.lower[row],
+                _ => problem.upper[row],
+            }
+        });
         along.iter_mut().zip(&self.columns).for_each(|(along, column)| *along -= dot(column, &y0));
         self.substitute(&mut along);
         let lengths = self.members.iter().map(|row| length(&scale.normal(problem.rows.row(*row))));
@@ -95,11 +93,21 @@ impl Combinations {
 
     /// 1 / ‖R⁻ᵀ e_i‖.
     fn distance(&self, index: usize) -> f64 {
-        let mut x = vec![0.0; self.columns.len()];
-        for column in index..x.len() {
-            let known: f64 = (index..column).map(|above| self.triangle[column][above] * x[above]).sum();
-            x[column] = (f64::from(column == index) - known) / self.triangle[column][column];
+        1.0 / length(&self.substitute_transposed(|member| f64::from(member == index)))
+    }
+
+    /// The shortest way along which the bound of each member's row changes by so much, ‖R⁻ᵀ b‖.
+    pub(super) fn length_of(&self, change: impl Fn(usize) -> f64) -> f64 {
+        length(&self.substitute_transposed(|member| change(self.members[member])))
+    }
+
+    /// R⁻ᵀ b.
+    fn substitute_transposed(&self, b: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut x = Vec::with_capacity(self.columns.len());
+        for (column, triangle) in self.triangle.iter().enumerate() {
+            let known: f64 = triangle.iter().zip(&x).map(|(r, x)| r * x).sum();
+            x.push((b(column) - known) / triangle[column]);
         }
-        1.0 / length(&x)
+        x
     }
 }

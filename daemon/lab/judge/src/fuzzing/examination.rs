@@ -137,7 +137,7 @@ impl Scale {
     /// |y_a − y_b|² = Σ λ_a cᵀ(y_a − y_b) − Σ λ_b cᵀ(y_a − y_b).
     ///
     /// Plain numbers meet their bounds but for rounding, which is in the tolerance already: of these only what
-    /// `b` is seen to be beyond counts, which is what the solver tolerates.
+    /// `b` is seen to be beyond counts, which is what the solver tolerates; of what may be rounding, [`Self::given`].
     pub(super) fn worth(&self, qp: &Qp<'_>, a: &Plea, b: &Plea, is_plain: bool) -> f64 {
         let rounding = ROUNDING * self.of_answer(a);
         let mut values = vec![0.0; padded(qp.row_count)];
@@ -153,6 +153,20 @@ impl Scale {
             y.abs() * distance
         };
         a.multipliers[..qp.row_count].iter().enumerate().map(worth).sum()
+    }
+
+    /// How far y goes for the working set of `a` to give as much as `b` is seen to be beyond it: however little that
+    /// is, of rows that are nearly parallel it is far.
+    pub(super) fn given(&self, problem: &DenseQp, a: &Plea, b: &Plea) -> f64 {
+        let qp = problem.qp();
+        let mut values = vec![0.0; padded(qp.row_count)];
+        qp.rows.values(&b.z, &mut values);
+        let beyond = |row: usize| match a.working[row] {
+            RowState::Inactive => 0.0,
+            RowState::Lower => (qp.lower[row] - values[row]).max(0.0),
+            RowState::Upper => (values[row] - qp.upper[row]).max(0.0),
+        };
+        Combinations::of(self, problem, a).length_of(beyond)
     }
 
     /// Looks at one answer by itself.
