@@ -224,6 +224,8 @@ pub enum ParameterError {
     /// [`MAX_DELAY_CYCLES`](output::MAX_DELAY_CYCLES); or there is one of these, and the model is
     /// not exact or leaves delays out.
     VelocityLoops,
+    /// There are more admittance axes than joints.
+    AdmittanceAxes,
     /// An input weight is not above zero: the QP would not be strictly convex.
     InputWeight,
     /// A release threshold is above its activation threshold, or one of them is negative.
@@ -262,6 +264,7 @@ impl core::fmt::Display for ParameterError {
                  by more than the shortest step, no longer than 8 sampling times with the command delay, and the \
                  discretization must be exact"
             }
+            Self::AdmittanceAxes => "no more axes may give way than the arm has joints",
             Self::InputWeight => "input weights must be above 0",
             Self::Thresholds => "release thresholds must be between 0 and the activation threshold",
             Self::ForceLimit => "force limits must be above the minimum force",
@@ -294,8 +297,11 @@ impl core::error::Error for ParameterError {}
 impl<const N: usize, const D: usize> Parameters<N, D> {
     /// The largest problem of the MPC.
     pub fn solver_capacity(&self) -> SolverCapacity {
-        let axes = self.thresholds.admittance.iter().filter(|admittance| **admittance).count();
-        SolverCapacity { variables: axes * self.mpc.horizon + 1, rows: MAX_ROWS }
+        SolverCapacity { variables: self.admittance_axes() * self.mpc.horizon + 1, rows: MAX_ROWS }
+    }
+
+    fn admittance_axes(&self) -> usize {
+        self.thresholds.admittance.iter().filter(|admittance| **admittance).count()
     }
 
     /// Numbers that the MPC needs for its matrices.
@@ -321,6 +327,9 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
         }
         if !self.can_predict_loops() {
             return Err(ParameterError::VelocityLoops);
+        }
+        if self.admittance_axes() > N {
+            return Err(ParameterError::AdmittanceAxes);
         }
         if !mpc.input_weight.iter().all(positive) {
             return Err(ParameterError::InputWeight);

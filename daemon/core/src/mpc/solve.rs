@@ -67,14 +67,14 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         expired: &mut dyn FnMut() -> bool,
     ) -> Result<Solution<()>, LimitsContradict> {
         // From here on the number of inputs is a constant: loops over them are unrolled. Numbers
-        // above D are left out.
+        // above D or N are left out: no arm has more inputs than joints (`Parameters::check`).
         match prediction.inputs.as_slice().len() {
             1 => self.solve_with::<1, C>(situation, prediction, known_twist, expired),
-            2 if const { D >= 2 } => self.solve_with::<2, C>(situation, prediction, known_twist, expired),
-            3 if const { D >= 3 } => self.solve_with::<3, C>(situation, prediction, known_twist, expired),
-            4 if const { D >= 4 } => self.solve_with::<4, C>(situation, prediction, known_twist, expired),
-            5 if const { D >= 5 } => self.solve_with::<5, C>(situation, prediction, known_twist, expired),
-            6 if const { D >= 6 } => self.solve_with::<6, C>(situation, prediction, known_twist, expired),
+            2 if const { D >= 2 && N >= 2 } => self.solve_with::<2, C>(situation, prediction, known_twist, expired),
+            3 if const { D >= 3 && N >= 3 } => self.solve_with::<3, C>(situation, prediction, known_twist, expired),
+            4 if const { D >= 4 && N >= 4 } => self.solve_with::<4, C>(situation, prediction, known_twist, expired),
+            5 if const { D >= 5 && N >= 5 } => self.solve_with::<5, C>(situation, prediction, known_twist, expired),
+            6 if const { D >= 6 && N >= 6 } => self.solve_with::<6, C>(situation, prediction, known_twist, expired),
             _ => Ok(Solution::Failed { iterations: 0 }),
         }
     }

@@ -35,6 +35,7 @@ fn named(config: &Config, error: ParameterError) -> (&'static str, String) {
             ("robot.velocity_time_constant_s", format!("{:?}", config.robot.velocity_time_constant_s))
         }
         ParameterError::VelocityLoops => ("robot.velocity_loop", "as given".to_owned()),
+        ParameterError::AdmittanceAxes => ("contact.admittance_axes", format!("{:?}", contact.admittance_axes)),
         ParameterError::InputWeight => ("mpc.input_weight", format!("{:?}", config.mpc.input_weight)),
         ParameterError::Thresholds => ("contact.release_threshold", format!("{:?}", contact.release_threshold)),
         ParameterError::ForceLimit => ("contact.force_limit", format!("{:?}", contact.force_limit)),
