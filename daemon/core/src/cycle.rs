@@ -140,7 +140,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Controller<N,
         let told = (output.under_way(), &*beside);
         let way = way.as_mut().and_then(|way| way.follow(sample, &joints, told, belief.surface()));
         belief.sense(sample);
-        let felt = belief.felt(&sample.wrench, &sample.wrench_covariance);
+        let felt = belief.felt(sample);
         supervisor.admit(sample, &felt);
         if supervisor.is_in_control() {
             belief.follow(sample, &joints.velocity, way.as_ref(), &felt, supervisor.doubts_model(sample.stamp));

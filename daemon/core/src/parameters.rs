@@ -106,6 +106,7 @@ impl<const N: usize, const D: usize> Parameters<N, D> {
             timing: self.timing,
             conditioning: self.conditioning,
             wrench_time_constant: self.wrench_time_constant,
+            wrench_lag_tolerance: self.mpc.wrench_lag_tolerance,
             resolves: self.redundancy.is_some(),
             joint_speed: self.limits.joint_speed,
             source: self.wrench_source,

@@ -2,9 +2,7 @@
 //! samples show a surface, and leaves below the release threshold. While it is active it carries the
 //! sign of its contact, which never flips: release first, then activation.
 
-use nalgebra::{SMatrix, SVector};
-
-use crate::intake::band;
+use nalgebra::SVector;
 
 /// Share of β above which an axis joins where the samples show a surface. It is no smaller, since a bias, or a tool that is lighter
 /// than told, enters what they show as it enters f̂.
@@ -23,19 +21,12 @@ pub struct Thresholds<const D: usize> {
 }
 
 impl<const D: usize> Thresholds<D> {
-    /// The same for an f̂ with this covariance: a force has to be larger than what it may be off by. An
+    /// The same for an f̂ that may be off by so much (N, N·m): a force has to be larger than that. An
     /// axis leaves where it was told to: an arm that comes to rest on a surface knows its friction less
     /// well, and must not take that for the end of the contact.
     #[must_use]
-    pub(crate) fn beyond(&self, covariance: &SMatrix<f64, D, D>) -> Self {
-        let mut beyond = *self;
-        for axis in 0..D {
-            let unsure = band(covariance, axis);
-            if unsure > self.activation[axis] {
-                beyond.activation[axis] = unsure;
-            }
-        }
-        beyond
+    pub(crate) fn beyond(&self, unsure: &SVector<f64, D>) -> Self {
+        Self { activation: self.activation.sup(unsure), ..*self }
     }
 
     /// The same for a surface that the samples show: an axis joins below β, though not below the release threshold.

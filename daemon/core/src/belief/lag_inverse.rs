@@ -16,7 +16,8 @@
 //! window into the past by as much, and changes nothing else.
 //!
 //! The inertia of a tool on the sensor is in f̂ by two ways of seeing its motion. The guard takes the
-//! smaller f̄ of both: where q̇ is reported late, an arm that brakes hard would feign a force.
+//! smaller f̄ of both: where q̇ is reported late, an arm that brakes hard would feign a force. So would one whose T_est is
+//! another than told, by that share of the inertia: f̄ is less by what of it that may be.
 
 use nalgebra::SVector;
 
@@ -40,7 +41,8 @@ const KEPT: usize = 32;
 pub struct WithoutLag<const D: usize> {
     /// f̄ in N and N·m. As long as there is no whole window: f̂.
     pub wrench: SVector<f64, D>,
-    /// What of it is force by both ways of seeing the tool's motion; 0 where they have other signs.
+    /// What of it is force by both ways of seeing the tool's motion, and whatever the filter makes of its inertia; 0 where
+    /// they have other signs.
     pub certain: SVector<f64, D>,
     /// Its standard deviation over that of f̂.
     pub noise_gain: SVector<f64, D>,
@@ -94,15 +96,18 @@ pub(super) struct LagInverse<const D: usize> {
     window: [NoiseWindow; D],
     /// T_s.
     sampling_time: Span,
-    /// The last samples of f̂, oldest first.
+    /// The last samples of f̂, in a ring.
     stamps: [Instant; KEPT],
-    wrenches: [BothWays<D>; KEPT],
+    wrenches: [Shown<D>; KEPT],
+    /// Where the newest stands.
+    newest: usize,
+    /// How many there are.
     len: usize,
     force: WithoutLag<D>,
 }
 
-/// f̂ with the tool's inertia by q̇ as it is reported, and by the joint positions.
-type BothWays<const D: usize> = [SVector<f64, D>; 2];
+/// f̂ with the tool's inertia by q̇ as it is reported, and by the joint positions; and what of it that may feign.
+type Shown<const D: usize> = [SVector<f64, D>; 3];
 
 /// a and √(1 + a²) / (1 − a) of a window (s).
 fn decay_and_gain(window: f64, time_constant: f64) -> (f64, f64) {
@@ -110,15 +115,16 @@ fn decay_and_gain(window: f64, time_constant: f64) -> (f64, f64) {
     (decay, libm::sqrt(1.0 + decay * decay) / (1.0 - decay))
 }
 
-/// What both show of a force: a tool whose inertia one of them misses is no force.
-fn shown_by_both([one, other]: [f64; 2]) -> f64 {
-    if one * other < 0.0 {
+/// What both show of a force, however much of it is `feigned`: a tool whose inertia one of them misses is no force.
+fn shown_by_both([one, other, feigned]: [f64; 3]) -> f64 {
+    let least = if one * other < 0.0 {
         0.0
     } else if other.abs() < one.abs() {
         other
     } else {
         one
-    }
+    };
+    least.signum() * (least.abs() - feigned.abs()).max(0.0)
 }
 
 impl<const D: usize> LagInverse<D> {
@@ -143,7 +149,8 @@ impl<const D: usize> LagInverse<D> {
             window,
             sampling_time,
             stamps: [Instant::default(); KEPT],
-            wrenches: [[SVector::zeros(); 2]; KEPT],
+            wrenches: [[SVector::zeros(); 3]; KEPT],
+            newest: 0,
             len: 0,
             force,
         }
@@ -151,14 +158,15 @@ impl<const D: usize> LagInverse<D> {
 
     /// Takes over the samples of `old`.
     pub(super) fn take_over(&mut self, old: &Self) {
-        let Self { time_constant: _, window: _, sampling_time: _, stamps, wrenches, len, force } = old;
-        (self.stamps, self.wrenches, self.len, self.force) = (*stamps, *wrenches, *len, *force);
+        let Self { time_constant: _, window: _, sampling_time: _, stamps, wrenches, newest, len, force } = old;
+        (self.stamps, self.wrenches, self.newest, self.len) = (*stamps, *wrenches, *newest, *len);
+        self.force = *force;
     }
 
     /// Goes over to the frame that a turn leads to. What is per direction, the window's noise, is told
     /// anew with the next sample.
     pub(super) fn turn(&mut self, turn: &Turn) {
-        for wrench in self.wrenches[..self.len].as_flattened_mut() {
+        for wrench in self.wrenches.as_flattened_mut() {
             *wrench = turn.twist(wrench);
         }
         let WithoutLag { wrench, certain, noise_gain: _, noise_excess: _ } = &mut self.force;
@@ -172,22 +180,22 @@ impl<const D: usize> LagInverse<D> {
 
     /// Takes in a sample.
     pub(super) fn follow<const N: usize>(&mut self, sample: &Accepted<N, D>) {
-        let both = [sample.wrench, sample.wrench_by_position];
-        self.push(sample.stamp, &both);
-        let (now, last) = (sample.stamp, self.len - 1);
+        let shown = [sample.wrench, sample.wrench_by_position, sample.feigned_wrench];
+        self.push(sample.stamp, &shown);
+        let now = sample.stamp;
         for axis in 0..D {
             let least = self.sampling_time * (self.window[axis].samples as f64 - JITTER);
-            let before = (0..last).rev().find(|before| now.since(self.stamps[*before]) >= least);
+            let mut earlier = (1..self.len).map(|back| (self.newest + KEPT - back) % KEPT);
+            let before = earlier.find(|before| now.since(self.stamps[*before]) >= least);
             // An ideal measurement needs no window.
             let before = before.filter(|_| self.time_constant[axis] > 0.0);
             let (means, gain, excess) = match before {
-                None => (both.map(|wrench| wrench[axis]), 1.0, 0.0),
+                None => (shown.map(|wrench| wrench[axis]), 1.0, 0.0),
                 Some(before) => {
                     let window = now.since(self.stamps[before]).seconds();
                     let (decay, gain) = decay_and_gain(window, self.time_constant[axis]);
-                    let mean =
-                        |way: usize| (both[way][axis] - decay * self.wrenches[before][way][axis]) / (1.0 - decay);
-                    ([0, 1].map(mean), gain, self.window[axis].excess)
+                    let mean = |of: usize| (shown[of][axis] - decay * self.wrenches[before][of][axis]) / (1.0 - decay);
+                    ([0, 1, 2].map(mean), gain, self.window[axis].excess)
                 }
             };
             (self.force.wrench[axis], self.force.certain[axis]) = (means[0], shown_by_both(means));
@@ -196,18 +204,14 @@ impl<const D: usize> LagInverse<D> {
         }
     }
 
-    fn push(&mut self, stamp: Instant, wrench: &BothWays<D>) {
-        if self.len == KEPT {
-            self.stamps.copy_within(1.., 0);
-            self.wrenches.copy_within(1.., 0);
-            self.len -= 1;
-        }
+    fn push(&mut self, stamp: Instant, shown: &Shown<D>) {
         // After a restart of the motion controller everything begins anew.
-        if self.len > 0 && stamp <= self.stamps[self.len - 1] {
+        if self.len > 0 && stamp <= self.stamps[self.newest] {
             self.len = 0;
         }
-        (self.stamps[self.len], self.wrenches[self.len]) = (stamp, *wrench);
-        self.len += 1;
+        self.newest = (self.newest + 1) % KEPT;
+        (self.stamps[self.newest], self.wrenches[self.newest]) = (stamp, *shown);
+        self.len = (self.len + 1).min(KEPT);
     }
 }
 

@@ -27,7 +27,8 @@ impl<const D: usize> Belief<D> {
             set.told_at(begins, libm::sqrt((away - deeper * deeper).max(0.0)));
         }
         let (pressing, beside) = surface.parts(&sample.wrench);
-        set.follow(way, depth, (pressing, &beside), in_contact);
+        let feigned = sample.feigned_wrench.dot(&surface.normal);
+        set.follow(way, depth, (pressing, &beside, feigned), in_contact);
         if let Some(tilt) = set.take_tilt() {
             set.shift(surface.tilt(&tilt, position));
         }
@@ -45,7 +46,7 @@ impl<const D: usize> Belief<D> {
         let Some(shown) = touched.filter(|_| !was_in_contact && !self.contact.is_any()) else { return };
         let Settings { thresholds, sign, .. } = &self.settings;
         let shown = self.surface.normal * -shown;
-        let felt = thresholds.where_noticed().beyond(&sample.wrench_covariance).felt(&shown);
+        let felt = thresholds.where_noticed().beyond(&sample.unsure()).felt(&shown);
         let felt = thresholds.held(&felt, &sample.wrench);
         let by_surface = (*sign == ContactSign::Normal).then_some(&self.signs);
         self.contact = self.contact.update(thresholds, &felt, by_surface, &shown);

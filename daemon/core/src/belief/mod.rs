@@ -37,7 +37,7 @@ mod surface_set;
 mod tests;
 mod way;
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SVector, Vector3};
 
 pub use contact::Thresholds;
 pub(crate) use contact::{Contact, Felt, SurfaceSigns};
@@ -202,9 +202,9 @@ impl<const D: usize> Belief<D> {
         self.settings = settings;
     }
 
-    /// Which axes feel a force above β, and above what an f̂ of this covariance may be off by.
-    pub(crate) fn felt(&self, wrench: &SVector<f64, D>, covariance: &SMatrix<f64, D, D>) -> Felt<D> {
-        self.settings.thresholds.beyond(covariance).felt(wrench)
+    /// Which axes feel a force above β, and above what f̂ may be off by.
+    pub(crate) fn felt<const N: usize>(&self, sample: &Accepted<N, D>) -> Felt<D> {
+        self.settings.thresholds.beyond(&sample.unsure()).felt(&sample.wrench)
     }
 
     /// Takes the lag out of the wrench of a sample: of every one, since it looks back.

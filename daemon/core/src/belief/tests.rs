@@ -1,7 +1,7 @@
 //! The belief about the surface, tests of this stage alone; activation and release per axis
 //! (III.C).
 
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
 use super::way::Piece;
 use super::{Belief, Contact, ContactPoint, ContactSign, Prior, SurfaceSigns, Thresholds, Way};
@@ -38,11 +38,9 @@ fn an_axis_joins_above_activation_and_leaves_below_release() {
 
 #[test]
 fn an_unsure_wrench_touches_above_what_it_may_be_off_by() {
-    // Three deviations are 6, 0 and 12.
-    let covariance = Matrix3::from_diagonal(&Vector3::new(4.0, 0.0, 16.0));
     let told = thresholds();
-    assert_eq!(told.beyond(&Matrix3::zeros()), told, "a sure one is held to what was told");
-    let beyond = told.beyond(&covariance);
+    assert_eq!(told.beyond(&Vector3::zeros()), told, "a sure one is held to what was told");
+    let beyond = told.beyond(&Vector3::new(6.0, 0.0, 12.0));
     assert_eq!(beyond.activation, Vector3::new(6.0, 5.0, 12.0));
     assert_eq!(beyond.release, told.release, "a contact does not end because the wrench is less sure");
     let felt = |x: f64| beyond.felt(&Vector3::new(x, 0.0, 0.0)).is_any();
@@ -103,7 +101,7 @@ fn follow(belief: &mut Belief<2>, sample: &Sample<2, 2>, doubted: bool) {
 /// The same with joints that move as no sample reports.
 fn follow_moving(belief: &mut Belief<2>, sample: &Sample<2, 2>, joint_velocity: &Vector2<f64>, doubted: bool) {
     let sample = accepted(sample);
-    let felt = belief.felt(&sample.wrench, &sample.wrench_covariance);
+    let felt = belief.felt(&sample);
     belief.follow(&sample, joint_velocity, None, &felt, doubted);
 }
 
@@ -192,7 +190,7 @@ fn found_off(reported: f64, believed: f64) -> (f64, f64) {
 fn what_is_felt_changes_nothing_by_itself() {
     let belief = Belief::new(parameters(ContactPoint::Configured).belief());
     let before = (belief.snapshot(), *belief.contact());
-    assert!(belief.felt(&Vector2::new(0.0, -8.0), &Matrix2::zeros()).is_any());
+    assert!(belief.felt(&accepted(&pressing(8.0, 1))).is_any());
     assert_eq!((belief.snapshot(), *belief.contact()), before);
 }
 
@@ -216,7 +214,7 @@ fn felt_at_first(contact_point: ContactPoint, release: f64) -> Option<f64> {
         let q = common::indented(depth(0.0));
         let wrench = common::given(common::normal() * -estimate);
         let sample = accepted(&Sample { joint_position: q, wrench, ..pressing(0.0, sequence) });
-        let felt = belief.felt(&sample.wrench, &sample.wrench_covariance);
+        let felt = belief.felt(&sample);
         belief.follow(&sample, &sample.joint_velocity, Some(&way), &felt, false);
         belief.contact().is_any().then(|| sample.wrench.amax())
     })

@@ -70,6 +70,8 @@ pub(crate) struct Settings<const N: usize, const D: usize> {
     pub conditioning: Conditioning<D>,
     /// T_est per axis in s; 0 for ideal force measurement.
     pub wrench_time_constant: SVector<f64, D>,
+    /// By what share of it the lag of the wrench may be another.
+    pub wrench_lag_tolerance: f64,
     /// Whether the law resolves twists itself: then the joints have to follow what it says.
     pub resolves: bool,
     /// Limits of the joint speeds in rad/s: a joint that moved much faster has jumped.
@@ -87,6 +89,8 @@ struct Shown<const D: usize> {
     wrench: SVector<f64, D>,
     /// With the tool's inertia as the joint positions show it.
     by_position: SVector<f64, D>,
+    /// What the tool's inertia may feign.
+    feigned: SVector<f64, D>,
     covariance: SMatrix<f64, D, D>,
 }
 
@@ -210,6 +214,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
             twist_reference: chain.axes().kept(&sample.twist_reference),
             wrench: shown.wrench,
             wrench_by_position: shown.by_position,
+            feigned_wrench: shown.feigned,
             wrench_covariance: shown.covariance,
             posture,
         })
@@ -232,7 +237,10 @@ impl<const N: usize, const D: usize> Intake<N, D> {
             0.0 => wrench,
             _ => f_hat(tool.felt_by_position()),
         };
-        Ok(Shown { wrench, by_position, covariance: SMatrix::zeros() })
+        // While a tool is accelerated a filter of another lag shows by its share more or less of that.
+        let of_tool = tool.felt() * (conditioning.tool_mass * self.settings.wrench_lag_tolerance);
+        let feigned = self.settings.chain.axes().kept(&of_tool);
+        Ok(Shown { wrench, by_position, feigned, covariance: SMatrix::zeros() })
     }
 
     /// The filter of the torques after the sample.
@@ -261,7 +269,7 @@ impl<const N: usize, const D: usize> Intake<N, D> {
         Field::Wrench.check(wrench.as_slice())?;
         let given = GivenWrench(Vector6::from_fn(|axis, _| wrench.get(axis).copied().unwrap_or(0.0)));
         let wrench = self.settings.conditioning.wrench(&given, &posture.pose().rotation, &SVector::zeros());
-        Ok(Shown { wrench, by_position: wrench, covariance: *covariance })
+        Ok(Shown { wrench, by_position: wrench, feigned: SVector::zeros(), covariance: *covariance })
     }
 
     /// The last sample that was accepted.

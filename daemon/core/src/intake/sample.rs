@@ -4,7 +4,7 @@
 use admittance_vocabulary::FaultName;
 use nalgebra::{SMatrix, SVector};
 
-use super::Arrival;
+use super::{Arrival, band};
 use crate::quantities::{AXIS_NAMES, GivenWrench, Instant, Span, wrench_unit};
 use crate::robot::{Chain, JointKind, Posture};
 use crate::turn::Turn;
@@ -68,6 +68,9 @@ pub(crate) struct Accepted<const N: usize, const D: usize> {
     pub wrench: SVector<f64, D>,
     /// The same with the tool's inertia as the joint positions show it, not q̇.
     pub wrench_by_position: SVector<f64, D>,
+    /// What of f̂ may be the tool's inertia, with the sign of what was taken for that, N and N·m: as much of it as T_est may be
+    /// off by.
+    pub feigned_wrench: SVector<f64, D>,
     /// Covariance of f̂ in products of N and N·m, as motor torques show it; zero of a wrench that is
     /// given.
     pub wrench_covariance: SMatrix<f64, D, D>,
@@ -76,14 +79,19 @@ pub(crate) struct Accepted<const N: usize, const D: usize> {
 }
 
 impl<const N: usize, const D: usize> Accepted<N, D> {
+    /// What f̂ may be off by per axis in N and N·m: the band of motor torques, or what the tool's inertia may feign.
+    pub(crate) fn unsure(&self) -> SVector<f64, D> {
+        SVector::from_fn(|axis, _| band(&self.wrench_covariance, axis) + self.feigned_wrench[axis].abs())
+    }
+
     /// Goes over to the frame that a turn leads to; `chain` is the arm in it.
     pub(crate) fn turn(&mut self, chain: &Chain<N>, turn: &Turn) {
-        let Self { twist_reference, wrench, wrench_by_position, wrench_covariance, posture, joint_position, .. } = self;
-        for vector in [twist_reference, wrench, wrench_by_position] {
+        let Self { twist_reference, wrench, wrench_by_position, feigned_wrench, .. } = self;
+        for vector in [twist_reference, wrench, wrench_by_position, feigned_wrench] {
             *vector = turn.twist(vector);
         }
-        *wrench_covariance = turn.matrix(wrench_covariance);
-        *posture = Posture::new(chain, joint_position);
+        self.wrench_covariance = turn.matrix(&self.wrench_covariance);
+        self.posture = Posture::new(chain, &self.joint_position);
     }
 }
 

@@ -184,3 +184,54 @@ fn after_a_pause_and_in_a_new_run_the_tool_counts_as_steady() {
     assert_eq!(felt(|sample| sample.boot_id += 1), 0.0);
     assert_eq!(felt(|sample| sample.stamp = at(sample.stamp.nanoseconds() + 1_000_000_000)), 0.0);
 }
+
+/// A filter with another T_est shows more or less of the tool's inertia than is taken out.
+#[test]
+fn what_a_tool_may_feign_covers_a_lag_within_its_tolerance() {
+    let told = parameters().wrench_time_constant;
+    for (factor, tolerance) in [(0.8, 0.25), (1.25, 0.25), (1.0, 0.0)] {
+        let mut parameters = parameters();
+        parameters.conditioning.tool_mass = 3.0;
+        parameters.mpc.wrench_lag_tolerance = tolerance;
+        let mut intake = Intake::new(parameters.intake());
+        // From rest by 30 rad/s² for 20 ms, and at that speed from then on.
+        let (small, cycles, per_cycle) = (1e-5, 25_u32, 400_u32);
+        let turning = |t: f64| t.clamp(0.0, 0.02);
+        let at = |t: f64| {
+            let turned = 15.0 * turning(t) * turning(t) + 30.0 * turning(t) * (t.max(0.0) - turning(t));
+            Vector2::new(0.4, -1.1) + Vector2::repeat(turned)
+        };
+        let mut shown = Vector2::<f64>::zeros();
+        let (mut most, mut largest) = (0.0_f64, 0.0_f64);
+        for step in 0..cycles * per_cycle {
+            let t = f64::from(step) * small;
+            let [before, here, after] = [t - small, t, t + small].map(|t| place(&at(t), &Vector2::zeros()));
+            let force = (before + after - here * 2.0) * (3.0 / (small * small));
+            shown += (force - shown).component_div(&(told * factor)) * small;
+            if step % per_cycle != 0 {
+                continue;
+            }
+            let sample = Sample {
+                joint_position: at(t),
+                joint_velocity: Vector2::repeat(30.0 * turning(t)),
+                wrench: given(shown),
+                ..pressing(0.0, 1 + u64::from(step / per_cycle))
+            };
+            let sample = intake.take(Event::Sample(&sample), sample.stamp).expect("it is good");
+            let feigned = sample.feigned_wrench;
+            largest = largest.max(shown.norm());
+            // (As the acceleration ends, one filter falls faster than the other.)
+            for axis in 0..2 {
+                let left = sample.wrench[axis].abs();
+                assert!(
+                    left <= feigned[axis].abs() + 0.04 * largest + 0.1,
+                    "T_est x {factor}, {t} s: {left} N of {feigned:?}"
+                );
+                most = most.max(feigned[axis].abs());
+            }
+            assert_eq!(sample.unsure(), feigned.abs());
+        }
+        println!("T_est x {factor}: {most} N may be feigned of {largest} N");
+        assert_eq!(most > 0.1 * largest, tolerance > 0.0, "{most} of {largest} N");
+    }
+}

@@ -49,13 +49,7 @@ fn solved<R>(mpc: &mut Planar, force: f64, speed: f64, solve: impl Fn(&mut Plana
 fn solved_at<R>(mpc: &mut Planar, sample: &Sample<2, 2>, solve: impl Fn(&mut Planar, &Situation<'_, 2, 2>) -> R) -> R {
     let sample = accepted(sample);
     let mut belief = Belief::new(parameters().belief());
-    belief.follow(
-        &sample,
-        &sample.joint_velocity,
-        None,
-        &belief.felt(&sample.wrench, &sample.wrench_covariance),
-        false,
-    );
+    belief.follow(&sample, &sample.joint_velocity, None, &belief.felt(&sample), false);
     let output = Output::new(parameters().output());
     let joints = JointMotion { velocity: sample.joint_velocity, acceleration: Vector2::zeros() };
     let beside = NullMotion::new(parameters().null_motion());

@@ -118,9 +118,9 @@ impl<const D: usize> Supervisor<D> {
             return Err(EnableRefused::Ending);
         }
         if let (Mode::Idle(_), Some(last)) = (&self.mode, last)
-            && let Some(axis) = belief.felt(&last.wrench, &last.wrench_covariance).first()
+            && let Some(axis) = belief.felt(last).first()
         {
-            let activation = self.settings.thresholds.beyond(&last.wrench_covariance).activation[axis];
+            let activation = self.settings.thresholds.beyond(&last.unsure()).activation[axis];
             let force = last.wrench[axis];
             return Err(EnableRefused::InContact { axis, force, activation });
         }

@@ -67,3 +67,26 @@ fn accepted(config: &Config, error: ParameterError) -> String {
         other => other.to_string(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use admittance_host::config::parse;
+
+    use super::*;
+
+    /// The file's own checks find it before; a law would have no inputs for it.
+    #[test]
+    fn no_more_axes_give_way_than_the_arm_has_joints() {
+        let text = include_str!("../../../../deploy/robots/planar-three.toml");
+        let mut config: Config = parse(text, "planar-three.toml").unwrap();
+        for (giving_way, is_accepted) in [(3, true), (4, false)] {
+            let axes = &mut config.contact.admittance_axes;
+            (0..axes.len()).for_each(|axis| axes[axis] = axis < giving_way);
+            let mut errors = Vec::new();
+            check_law(&config, &mut errors);
+            let said: String = errors.iter().map(ToString::to_string).collect();
+            assert_eq!(said.is_empty(), is_accepted, "{giving_way}: {said}");
+            assert!(is_accepted || said.contains("contact.admittance_axes") && said.contains("joints"), "{said}");
+        }
+    }
+}

@@ -167,8 +167,15 @@ fn a_late_stamp_claims_no_force_that_was_not_there() {
 
 #[test]
 fn what_only_one_way_of_seeing_the_tool_shows_is_not_certain() {
-    for (ways, expected) in [([30.0, 20.0], 20.0), ([20.0, 30.0], 20.0), ([-30.0, -20.0], -20.0), ([30.0, -20.0], 0.0)]
-    {
-        assert_eq!(shown_by_both(ways), expected, "{ways:?}");
+    for (shown, expected) in [
+        ([30.0, 20.0, 0.0], 20.0),
+        ([20.0, 30.0, 0.0], 20.0),
+        ([-30.0, -20.0, 0.0], -20.0),
+        ([30.0, -20.0, 0.0], 0.0),
+        ([30.0, 20.0, 5.0], 15.0),
+        ([-30.0, -20.0, 5.0], -15.0),
+        ([30.0, 20.0, -50.0], 0.0),
+    ] {
+        assert_eq!(shown_by_both(shown), expected, "{shown:?}");
     }
 }

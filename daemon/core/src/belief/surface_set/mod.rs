@@ -197,13 +197,13 @@ impl SurfaceSet {
         self.tilt = Tilt::none();
     }
 
-    /// On to a sample at `depth` (m) that shows a pressing `force` and one `beside` it, along the
-    /// surface (N, base frame). Without a `way` from the sample before, everything begins anew.
+    /// On to a sample at `depth` (m) that shows a pressing `force`, of which some may be `feigned` by the tool, and one
+    /// `beside` it, along the surface (N, base frame). Without a `way` from the sample before, everything begins anew.
     pub(crate) fn follow(
         &mut self,
         way: Option<&Way>,
         depth: f64,
-        (force, beside): (f64, &Vector3<f64>),
+        (force, beside, feigned): (f64, &Vector3<f64>, f64),
         in_contact: bool,
     ) {
         let unexplained =
@@ -222,7 +222,10 @@ impl SurfaceSet {
         }
         let noise = self.tuning.noise;
         let (by_force, by_fading) = (FLOOR_PART * force, FADING_PART * self.fading);
-        let weight = 1.0 / (noise * noise + FLOOR * FLOOR + by_force * by_force + by_fading * by_fading);
+        let floor = noise * noise + FLOOR * FLOOR + by_force * by_force + by_fading * by_fading;
+        // In contact the surface is most of the force, and is not to wait for the tool to be at rest.
+        let by_tool = if in_contact { 0.0 } else { feigned };
+        let weight = 1.0 / (floor + by_tool * by_tool);
         // A touch does not know how much of the friction a slope shows.
         let by_slope = if self.tuning.learns_normal() { self.tuning.slope * beside.norm() } else { 0.0 };
         let force = force - self.fading;

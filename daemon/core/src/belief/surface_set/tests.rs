@@ -81,7 +81,7 @@ fn a_force_is_known_to_exceed_a_limit_or_not() {
     for cycle in -before..cycles {
         let time = CYCLE * f64::from(cycle + 1);
         let force = world.stiffness * exact[(cycle + before) as usize] + world.error();
-        set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros()), force > 5.0);
+        set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros(), 0.0), force > 5.0);
         let depth = |part: i32| world.depth(time - CYCLE * f64::from(part) / 64.0);
         let peak = world.stiffness * ((0..=64).map(depth).fold(f64::NEG_INFINITY, f64::max) - world.begins);
         // f̂ without its lag has five standard deviations of 18 N here.
@@ -108,7 +108,7 @@ fn the_set_of_a_touch_is_that_of_a_grid() {
         for cycle in -before..cycles {
             let time = CYCLE * f64::from(cycle + 1);
             let force = world.stiffness * exact[(cycle + before) as usize] + world.error();
-            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros()), force > 5.0);
+            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros(), 0.0), force > 5.0);
             forces.push(force);
         }
         let spring = set.likeliest().expect("noticed");
@@ -183,7 +183,7 @@ fn held(creep: f64) -> (SurfaceSet, f64) {
             value = left * value + (1.0 - left) * world.stiffness * (depth - world.begins).max(0.0);
         }
         let force = value + world.error();
-        set.follow(Some(&way), rest(start + CYCLE), (force, &Vector3::zeros()), force > 5.0);
+        set.follow(Some(&way), rest(start + CYCLE), (force, &Vector3::zeros(), 0.0), force > 5.0);
     }
     assert!(matches!(set.stage, Stage::Hold(_)));
     (set, 0.0123 + 0.0008 - world.begins)
@@ -216,7 +216,7 @@ fn a_surface_that_is_harder_than_told_is_found_out() {
         for cycle in -30..15 {
             let time = CYCLE * f64::from(cycle + 1);
             let force = stiffness * exact[(cycle + 30) as usize] + world.error();
-            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros()), force > felt);
+            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros(), 0.0), force > felt);
             found |= set.is_outside();
         }
         assert_eq!(found, is_outside, "{stiffness} N/m, {noise} N of noise, felt above {felt} N");
@@ -250,7 +250,7 @@ fn becomes(behind: f64, noise: f64) -> SurfaceSet {
             value = left * value + (1.0 - left) * stiffness * pressed;
         }
         let force = value + world.error();
-        set.follow(Some(&way), depth(start + CYCLE, stiffness), (force, &Vector3::zeros()), force > 5.0);
+        set.follow(Some(&way), depth(start + CYCLE, stiffness), (force, &Vector3::zeros(), 0.0), force > 5.0);
     }
     set
 }
@@ -279,7 +279,7 @@ fn a_surface_that_begins_elsewhere_than_told_is_found() {
         for cycle in -60..20 {
             let time = CYCLE * f64::from(cycle + 1);
             let force = stiffness * exact[(cycle + 60) as usize] + world.error();
-            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros()), force > 5.0);
+            set.follow(Some(&world.way(time)), world.depth(time), (force, &Vector3::zeros(), 0.0), force > 5.0);
         }
         let found = set.likeliest().expect("noticed");
         let off = (found.depth - begins).abs();

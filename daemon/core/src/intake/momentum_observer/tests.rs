@@ -103,6 +103,7 @@ impl Golden {
             },
             conditioning: Conditioning::none(),
             wrench_time_constant: Vector6::repeat(self.told.lag),
+            wrench_lag_tolerance: 0.0,
             resolves: false,
             joint_speed: None,
             source: WrenchSource::MotorTorque(self.model()),
