@@ -46,9 +46,12 @@ impl Config {
 
     /// Of an arm or a wrench that may lag longer, with the law that does not predict it.
     pub(super) fn lag_tolerance_without_mpc(&self) -> Vec<String> {
+        // Of a tool's inertia it is told to touch and guards, which every law has.
+        let has_tool = self.wrench.tool_mass_kg > 0.0;
+        let of_wrench = if has_tool { 0.0 } else { self.contact.wrench_lag_tolerance };
         let told = [
             ("control.lag_tolerance_s", self.control.lag_tolerance_s, " s"),
-            ("contact.wrench_lag_tolerance", self.contact.wrench_lag_tolerance, ""),
+            ("contact.wrench_lag_tolerance", of_wrench, ""),
         ];
         let without_effect = |(key, tolerance, unit): (&str, f64, &str)| {
             format!(
@@ -218,6 +221,8 @@ mod tests {
         let of_wrench =
             "contact.wrench_lag_tolerance = 0.25 with control.law = \"damping\": the tolerance has no effect";
         assert!(config.warnings().iter().any(|warning| warning.starts_with(of_wrench)), "{:?}", config.warnings());
+        config.wrench.tool_mass_kg = 2.0;
+        assert!(!config.warnings().iter().any(|warning| warning.starts_with(of_wrench)), "{:?}", config.warnings());
         config.environment.stiffness_range_n_m = Some([1e4, 5e5]);
         let warnings = config.warnings();
         assert!(
