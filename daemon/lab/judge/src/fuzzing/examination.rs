@@ -155,18 +155,23 @@ impl Scale {
         a.multipliers[..qp.row_count].iter().enumerate().map(worth).sum()
     }
 
-    /// How far y goes for the working set of `a` to give as much as `b` is seen to be beyond it: however little that
-    /// is, of rows that are nearly parallel it is far.
+    /// How far y goes for the working sets of both to give as much as one of them is seen to be further beyond its bounds than
+    /// the other: however little that is, of rows that are nearly parallel it is far.
     pub(super) fn given(&self, problem: &DenseQp, a: &Plea, b: &Plea) -> f64 {
         let qp = problem.qp();
-        let mut values = vec![0.0; padded(qp.row_count)];
-        qp.rows.values(&b.z, &mut values);
-        let beyond = |row: usize| match a.working[row] {
-            RowState::Inactive => 0.0,
-            RowState::Lower => (qp.lower[row] - values[row]).max(0.0),
-            RowState::Upper => (values[row] - qp.upper[row]).max(0.0),
+        let beyond = |plea: &Plea| {
+            let mut values = vec![0.0; padded(qp.row_count)];
+            qp.rows.values(&plea.z, &mut values);
+            let bounds = qp.lower.iter().zip(qp.upper);
+            values.iter().zip(bounds).map(|(value, (lower, upper))| value - value.max(*lower).min(*upper)).collect()
         };
-        Combinations::of(self, problem, a).length_of(beyond)
+        let (beyond_a, beyond_b): (Vec<f64>, Vec<f64>) = (beyond(a), beyond(b));
+        let mut both = a.clone();
+        for (state, of_b) in both.working.iter_mut().zip(&b.working).filter(|(state, _)| **state == RowState::Inactive)
+        {
+            *state = *of_b;
+        }
+        Combinations::of(self, problem, &both).length_of(|row| beyond_b[row] - beyond_a[row])
     }
 
     /// Looks at one answer by itself.

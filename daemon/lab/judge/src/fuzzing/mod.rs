@@ -114,12 +114,8 @@ impl Case {
         match (&cold_finding, &warm_finding) {
             (Finding::Solved { tolerance: a }, Finding::Solved { tolerance: b }) => {
                 let worth = |a, b| scale.worth(&qp, a, b, self.is_plain);
-                let given = |a, b| if self.is_plain { scale.given(&self.problem, a, b) } else { 0.0 };
-                let tolerance = a
-                    + b
-                    + (worth(&cold, &warm) + worth(&warm, &cold)).sqrt()
-                    + given(&cold, &warm)
-                    + given(&warm, &cold);
+                let given = if self.is_plain { scale.given(&self.problem, &cold, &warm) } else { 0.0 };
+                let tolerance = a + b + (worth(&cold, &warm) + worth(&warm, &cold)).sqrt() + given;
                 scale.compare(&cold, &warm, tolerance)?;
                 Ok(Verdict::Solved)
             }
