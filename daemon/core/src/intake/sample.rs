@@ -81,7 +81,12 @@ pub(crate) struct Accepted<const N: usize, const D: usize> {
 impl<const N: usize, const D: usize> Accepted<N, D> {
     /// What f̂ may be off by per axis in N and N·m: the band of motor torques, or what the tool's inertia may feign.
     pub(crate) fn unsure(&self) -> SVector<f64, D> {
-        SVector::from_fn(|axis, _| band(&self.wrench_covariance, axis) + self.feigned_wrench[axis].abs())
+        self.torque_band() + self.feigned_wrench.abs()
+    }
+
+    /// What f̂ from motor torques may be off by per axis in N and N·m; zero of a wrench that is given.
+    pub(crate) fn torque_band(&self) -> SVector<f64, D> {
+        SVector::from_fn(|axis, _| band(&self.wrench_covariance, axis))
     }
 
     /// Goes over to the frame that a turn leads to; `chain` is the arm in it.

@@ -217,14 +217,13 @@ impl<const D: usize> Supervisor<D> {
     /// What the guards say about a sample. In contact they also count the cycles in a row.
     pub(crate) fn guard<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) -> Option<Cause> {
         let Settings { guards, thresholds, wrench_noise, sign, .. } = &self.settings;
-        let (unsure, normal) = (sample.unsure(), &belief.surface().normal);
+        let normal = &belief.surface().normal;
         // What the pressing force may be off by.
         let pressing = band_along(&sample.wrench_covariance, normal) + sample.feigned_wrench.dot(normal).abs();
         let (limits, noise) = (self.settings.limits(), wrench_noise.max().max(pressing / NOISE_DEVIATIONS));
-        let measured = guards.measured(&sample.wrench, &unsure, &limits);
-        // Without the lag the tool may feign more, or less: that is off already.
-        let by_torques = unsure - sample.feigned_wrench.abs();
-        let exceeded = guards.exceeded(belief.without_lag(), &by_torques, &limits);
+        let measured = guards.measured(&sample.wrench, &sample.unsure(), &limits);
+        // What the tool may feign is off already: without the lag it is more.
+        let exceeded = guards.exceeded(belief.without_lag(), &sample.torque_band(), &limits);
         match &mut self.mode {
             // A touch is for the MPC to judge first: its stop knows what is attainable.
             Mode::Free { pulled_since, .. } => {

@@ -166,12 +166,9 @@ impl Scale {
             values.iter().zip(bounds).map(|(value, (lower, upper))| value - value.max(*lower).min(*upper)).collect()
         };
         let (beyond_a, beyond_b): (Vec<f64>, Vec<f64>) = (beyond(a), beyond(b));
-        let mut both = a.clone();
-        for (state, of_b) in both.working.iter_mut().zip(&b.working).filter(|(state, _)| **state == RowState::Inactive)
-        {
-            *state = *of_b;
-        }
-        Combinations::of(self, problem, &both).length_of(|row| beyond_b[row] - beyond_a[row])
+        let is_held = |row: usize| [a, b].iter().any(|plea| plea.working[row] != RowState::Inactive);
+        let both = Combinations::of_rows(self, problem, &is_held, DEPENDENT);
+        both.length_of(|row| beyond_b[row] - beyond_a[row])
     }
 
     /// Looks at one answer by itself.

@@ -14,7 +14,7 @@ struct Command {
 /// taken for a scale, and the answers of the solver were refused until the arm stopped.
 #[test]
 fn a_force_that_is_hardly_reached_stops_no_arm() {
-    let (_, cell) = cells::with_speeds(&["planar, 1 ms"], 1).unwrap().remove(0);
+    let cell = cell_of("planar, 1 ms");
     let cell = cell.knowing_a_range(2.5);
     let world = plausible::world(21, 13, 2);
     let scenario = cell.scenario(&world, SPEEDS[2] * cell.highest_speed_m_s, |_| true);
@@ -26,7 +26,7 @@ fn a_force_that_is_hardly_reached_stops_no_arm() {
 /// are over their limit near half speed where the arm is taken to follow as told.
 #[test]
 fn an_arm_that_may_follow_late_keeps_its_limit() {
-    let (_, cell) = cells::with_speeds(&["planar, 4 ms"], 1).unwrap().remove(0);
+    let cell = cell_of("planar, 4 ms");
     let cell = cell.knowing_a_range(2.5);
     for (index, speed_m_s) in [(22, 0.17), (61, 0.175), (82, 0.156)] {
         let world = plausible::world(1, index, 2);
@@ -39,6 +39,11 @@ fn an_arm_that_may_follow_late_keeps_its_limit() {
         assert!(told.is_over, "{index}: {told:?}");
         assert_eq!((late.stop_reason, late.is_over), (None, false), "{index}: {late:?}");
     }
+}
+
+/// The cell of this name, with the speeds that one is given.
+fn cell_of(name: &str) -> Cell {
+    cells::with_speeds(&[name], 1).unwrap().remove(0).1
 }
 
 /// A touch at half speed, of a controller that is told what the study tells.
@@ -58,7 +63,7 @@ fn told_at_half_speed(told: &Told, cell: &Cell, seed: u64, index: u64) -> Contac
 #[test]
 fn an_arm_that_brakes_earlier_than_told_is_not_stopped() {
     for (name, index) in [("six joints, 1 ms", 639), ("seven joints, 1 ms", 785)] {
-        let (_, cell) = cells::with_speeds(&[name], 1).unwrap().remove(0);
+        let cell = cell_of(name);
         let contact = at_half_speed(&cell, 910_001, index);
         assert_eq!((contact.stop_reason, contact.is_over), (None, false), "{name}: {contact:?}");
     }
@@ -89,7 +94,7 @@ fn a_contact_is_not_lost_while_its_force_settles() {
 fn a_tool_that_is_lighter_than_told_is_no_hard_surface() {
     for (name, seed, index) in [("planar, 1 ms", 3, 835), ("six joints, 1 ms", 1, 531), ("seven joints, 1 ms", 2, 191)]
     {
-        let (_, cell) = cells::with_speeds(&[name], 1).unwrap().remove(0);
+        let cell = cell_of(name);
         let contact = at_half_speed(&cell, seed, index);
         assert_eq!((contact.stop_reason, contact.is_over), (None, false), "{seed} {index}: {contact:?}");
     }
@@ -100,7 +105,7 @@ fn a_tool_that_is_lighter_than_told_is_no_hard_surface() {
 #[test]
 fn a_touch_that_a_longer_lag_hides_is_at_risk() {
     let exact_lag = Told { wrench_lag_tolerance: 0.0, ..Told::default() };
-    let (_, cell) = cells::with_speeds(&["planar, 4 ms"], 1).unwrap().remove(0);
+    let cell = cell_of("planar, 4 ms");
     for (seed, index) in [(29_640, 438), (29_640, 510), (3401, 60), (2973, 870)] {
         let told = |told: &Told| {
             let contact = told_at_half_speed(told, &cell, seed, index);
@@ -126,7 +131,7 @@ fn a_tool_that_was_accelerated_is_no_force() {
         ("planar, 1 ms", 29_797, 61),
         ("six joints, 1 ms", 502, 189),
     ] {
-        let (_, cell) = cells::with_speeds(&[name], 1).unwrap().remove(0);
+        let cell = cell_of(name);
         let told = |told: &Told| {
             let contact = told_at_half_speed(told, &cell, seed, index);
             assert!(!contact.is_over, "{name} {seed} {index}: {contact:?}");
@@ -151,7 +156,7 @@ fn what_the_page_says_to_tell_is_told() {
     };
     page.iter().for_each(|(section, keys)| lay(section, keys));
     let laid: Config = admittance_host::config::parse(&file.to_string(), "six-joint.toml").unwrap();
-    let (_, cell) = cells::with_speeds(&["six joints, 4 ms"], 1).unwrap().remove(0);
+    let cell = cell_of("six joints, 4 ms");
     let told = Told::default().tell(cell);
     let told = told.config();
     assert_eq!(laid.robot.velocity_loop, told.robot.velocity_loop);
