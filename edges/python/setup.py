@@ -1,5 +1,5 @@
-"""Puts the C client into the wheel, the one that ADMITTANCE_CLIENT_LIBRARY names or one built by edges/c/install, and
-the stub of its samples."""
+"""Puts the C client and `admittancectl` into the wheel, those that ADMITTANCE_CLIENT_LIBRARY and ADMITTANCE_PROGRAM name
+or ones built by edges/c/install and cargo, and the stub of its samples."""
 
 import os
 import re
@@ -20,19 +20,35 @@ sys.path.insert(0, str(HERE))
 import stub  # noqa: E402
 
 
-class WithLibrary(build_py):
+def put_library(target):
+    given = os.environ.get("ADMITTANCE_CLIENT_LIBRARY")
+    if given:
+        shutil.copyfile(given, target)
+        return
+    with tempfile.TemporaryDirectory() as prefix:
+        subprocess.run([HERE.parent / "c" / "install", prefix], check=True)
+        shutil.copyfile(Path(prefix) / "lib" / "libadmittance_client.so", target)
+
+
+def put_program(target):
+    given = os.environ.get("ADMITTANCE_PROGRAM")
+    if not given:
+        subprocess.run(["cargo", "build", "--release", "-p", "admittancectl"], check=True, cwd=HERE)
+        given = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parent.parent / "target")) / "release" / "admittancectl"
+    shutil.copyfile(given, target)
+    target.chmod(0o755)
+    # What a debugger wants of it is most of it.
+    if shutil.which("strip"):
+        subprocess.run(["strip", target], check=True)
+
+
+class WithPrograms(build_py):
     def run(self):
         super().run()
         package = Path(self.build_lib) / "admittance"
         stub.write(package / "wire.json", package / "wire.pyi")
-        target = package / "libadmittance_client.so"
-        given = os.environ.get("ADMITTANCE_CLIENT_LIBRARY")
-        if given:
-            shutil.copyfile(given, target)
-            return
-        with tempfile.TemporaryDirectory() as prefix:
-            subprocess.run([HERE.parent / "c" / "install", prefix], check=True)
-            shutil.copyfile(Path(prefix) / "lib" / "libadmittance_client.so", target)
+        put_library(package / "libadmittance_client.so")
+        put_program(package / "admittancectl")
 
 
 class OfOneMachine(Distribution):
@@ -55,4 +71,4 @@ def version():
     return re.search(r'^version = "(.*)"$', manifest, re.MULTILINE)[1]
 
 
-setup(version=version(), cmdclass={"build_py": WithLibrary, "bdist_wheel": ForEveryPython}, distclass=OfOneMachine)
+setup(version=version(), cmdclass={"build_py": WithPrograms, "bdist_wheel": ForEveryPython}, distclass=OfOneMachine)

@@ -3,6 +3,10 @@
 import os
 import shutil
 import subprocess
+from pathlib import Path
+
+Program = str | os.PathLike[str] | None
+"""A path, a name that PATH has, or None: the program that came with this package."""
 
 
 class ProgramFailed(Exception):
@@ -13,13 +17,14 @@ class ProgramFailed(Exception):
         self.code = code
 
 
-def run(program: str | os.PathLike[str], *arguments: str, failure: type[ProgramFailed]) -> str:
+def run(program: Program, *arguments: str, failure: type[ProgramFailed]) -> str:
     """What `program ARGUMENTS` prints; `failure` when it says that it could not."""
-    found = shutil.which(program)
+    wanted = Path(__file__).with_name("admittancectl") if program is None else program
+    found = shutil.which(wanted)
     if found is None:
         raise FileNotFoundError(
-            f"program = {os.fspath(program)!r}: accepted: a path, or a name that PATH has; "
-            "`cargo build --release` makes target/release/admittancectl"
+            f"program = {os.fspath(wanted)!r}: accepted: a path, or a name that PATH has; "
+            "a wheel brings one, and `cargo build --release` makes target/release/admittancectl"
         )
     done = subprocess.run([found, *arguments], capture_output=True, text=True, check=False)
     if done.returncode != 0:

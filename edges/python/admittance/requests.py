@@ -4,7 +4,7 @@ import json
 import os
 from typing import Any
 
-from .program import ProgramFailed, run
+from .program import Program, ProgramFailed, run
 
 
 class RequestFailed(ProgramFailed):
@@ -15,15 +15,15 @@ def request(
     kind: str,
     *arguments: str,
     config: str | os.PathLike[str],
-    program: str | os.PathLike[str] = "admittancectl",
+    program: Program = None,
 ) -> str:
-    """Asks what `admittancectl KIND ARGUMENTS` asks, of the daemon of this configuration, such as `reset`; what it says."""
+    """Asks what `admittancectl KIND ARGUMENTS` asks, of the daemon of this configuration, such as `reset`; what it says.
+
+    `program` is another `admittancectl` than the one of this package."""
     return run(program, kind, "--config", os.fspath(config), *arguments, failure=RequestFailed)
 
 
-def status(
-    *, config: str | os.PathLike[str], program: str | os.PathLike[str] = "admittancectl"
-) -> dict[str, Any]:
+def status(*, config: str | os.PathLike[str], program: Program = None) -> dict[str, Any]:
     """What `admittancectl status --json` says."""
     found: dict[str, Any] = json.loads(request("status", "--json", config=config, program=program))
     return found

@@ -4,7 +4,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from .program import ProgramFailed, run
+from .program import Program, ProgramFailed, run
 from .recording import Recording
 
 
@@ -17,12 +17,12 @@ def simulate(
     scenario: str | os.PathLike[str],
     *,
     out: str | os.PathLike[str] | None = None,
-    program: str | os.PathLike[str] = "admittancectl",
+    program: Program = None,
 ) -> Recording:
     """What the daemon of this configuration does to the plant of this scenario, both TOML files.
 
     In virtual time: as fast as it can be computed, and the same numbers every time. `out` keeps the recording, in a
-    file that must not exist yet.
+    file that must not exist yet. `program` is another `admittancectl` than the one of this package.
     """
     with tempfile.TemporaryDirectory() as directory:
         file = Path(directory, "simulation.mcap") if out is None else Path(out)
