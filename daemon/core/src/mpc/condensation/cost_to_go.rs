@@ -141,10 +141,65 @@ fn square<const N: usize, const D: usize>(jacobian: &[[f64; D]; N], weight: &[f6
     })
 }
 
+/// Joints up to which two groups of columns are computed side by side: of more, the registers hold one.
+const ABREAST_UP_TO: usize = 6;
+
 /// Σ_n x_n matrix_n.
 #[inline(always)]
 fn combined<const N: usize>(x: &[f64; N], matrix: &[SimdVector<N>; N]) -> SimdVector<N> {
     (0..N).fold(SimdVector::ZERO, |sum, n| SimdVector::splat(x[n]).times_plus(matrix[n], sum))
+}
+
+/// λ of a reference: by the q of each joint, by each number that it carries, and by its q filtered as the estimates
+/// of an axis are.
+struct Costate<const N: usize, const M: usize, const C: usize> {
+    position: [f64; N],
+    carried: [[f64; N]; C],
+    estimates: [[f64; N]; M],
+}
+
+impl<const N: usize, const M: usize, const C: usize> Costate<N, M, C> {
+    /// λᵀ y for G groups of columns from `group` on, by input.
+    #[inline(always)]
+    fn columns<const D: usize, const G: usize>(
+        &self,
+        tables: &CostToGo<'_, N, D, C>,
+        group: usize,
+        axes: &[usize],
+        inputs: &[[f64; N]; M],
+    ) -> [[f64x4; M]; G] {
+        let (positions, moving) = (&tables.positions[group..group + G], &tables.carried[group..group + G]);
+        let mut sums: [[f64x4; G]; N] = core::array::from_fn(|n| {
+            let by_carried: [f64x4; C] = core::array::from_fn(|c| f64x4::splat(self.carried[c][n]));
+            let by_position = f64x4::splat(self.position[n]);
+            core::array::from_fn(|g| {
+                let mut sum = f64x4::new(moving[g][0][n]) * by_carried[0];
+                for c in 1..C {
+                    sum = f64x4::new(moving[g][c][n]).mul_add(by_carried[c], sum);
+                }
+                f64x4::new(positions[g][n]).mul_add(by_position, sum)
+            })
+        });
+        let estimates = &tables.estimates[group..group + G];
+        for (by_estimate, &axis) in self.estimates.iter().zip(axes) {
+            for n in 0..N {
+                let by_estimate = f64x4::splat(by_estimate[n]);
+                for g in 0..G {
+                    sums[n][g] = f64x4::new(estimates[g][axis][n]).mul_add(by_estimate, sums[n][g]);
+                }
+            }
+        }
+        let mut columns = [[f64x4::ZERO; M]; G];
+        for b in 0..M {
+            for n in 0..N {
+                let v = f64x4::splat(inputs[b][n]);
+                for g in 0..G {
+                    columns[g][b] = sums[n][g].mul_add(v, columns[g][b]);
+                }
+            }
+        }
+        columns
+    }
 }
 
 /// Writes numbers that are given by input, for four steps each, so that the inputs of a step are adjacent.
@@ -158,6 +213,17 @@ fn interleave<const M: usize>(by_input: &[f64x4; M], steps: &mut [[f64; M]]) {
         for (step, values) in steps.iter_mut().zip(&by_step) {
             step[first..first + count].copy_from_slice(&values[..count]);
         }
+    }
+}
+
+/// Writes a group of columns into its place.
+#[inline(always)]
+fn put<const M: usize>(columns: &[f64x4; M], place: &mut [[f64; LANES]]) {
+    let steps = place.as_flattened_mut().as_chunks_mut().0;
+    // Of a known number they stay in registers; at the end of a row there may be fewer.
+    match steps.first_chunk_mut::<LANES>() {
+        Some(steps) => interleave(columns, steps),
+        None => interleave(columns, steps),
     }
 }
 
@@ -220,42 +286,34 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize, const C: usi
         let (first, from) = (reversed / LANES, i * groups);
         for a in 0..M {
             let input = &rows.inputs.columns[a];
-            let by_position = combined(input, &position).array();
-            let by_carried: [[f64; N]; C] = core::array::from_fn(|c| combined(input, &carried[c]).array());
+            let mut costate = Costate {
+                position: combined(input, &position).array(),
+                carried: core::array::from_fn(|c| combined(input, &carried[c]).array()),
+                estimates: [[0.0; N]; M],
+            };
             // λ of f̂, as what it makes of the filtered q of each joint.
-            let mut by_estimate = [[0.0; N]; M];
-            for (by_estimate, &axis) in by_estimate.iter_mut().zip(axes) {
+            for (estimate, &axis) in costate.estimates.iter_mut().zip(axes) {
                 let gradient = SimdVector::new(&gradients[axis]);
                 let moved = gradient.times(SimdVector::new(&tables.wrench[i][axis])).dot(SimdVector::new(input));
-                *by_estimate = gradient.times(SimdVector::splat(on_wrench[axis] * moved)).array();
+                *estimate = gradient.times(SimdVector::splat(on_wrench[axis] * moved)).array();
             }
             let index = reversed * M + a;
             let row = &mut hessian[index * stride..(index + 1) * stride];
-            let places = row.as_chunks_mut::<LANES>().0[first * M..].chunks_mut(M);
-            for (group, places) in (first..groups).zip(places) {
-                let (positions, moving) = (&tables.positions[from + group], &tables.carried[from + group]);
-                let mut sums: [f64x4; N] = core::array::from_fn(|n| {
-                    let mut sum = f64x4::new(moving[0][n]) * f64x4::splat(by_carried[0][n]);
-                    for c in 1..C {
-                        sum = f64x4::new(moving[c][n]).mul_add(f64x4::splat(by_carried[c][n]), sum);
-                    }
-                    f64x4::new(positions[n]).mul_add(f64x4::splat(by_position[n]), sum)
-                });
-                for (by_estimate, &axis) in by_estimate.iter().zip(axes) {
-                    let estimates = &tables.estimates[from + group][axis];
-                    for n in 0..N {
-                        sums[n] = f64x4::new(estimates[n]).mul_add(f64x4::splat(by_estimate[n]), sums[n]);
-                    }
-                }
-                let columns: [f64x4; M] = core::array::from_fn(|b| {
-                    let by_joint = sums.iter().zip(&rows.inputs.columns[b]);
-                    by_joint.fold(f64x4::ZERO, |sum, (&moved, &v)| moved.mul_add(f64x4::splat(v), sum))
-                });
-                let steps = places.as_flattened_mut().as_chunks_mut().0;
-                // Of a known number they stay in registers; at the end of a row there may be fewer.
-                match steps.first_chunk_mut::<LANES>() {
-                    Some(steps) => interleave(&columns, steps),
-                    None => interleave(&columns, steps),
+            let mut places = row.as_chunks_mut::<LANES>().0[first * M..].chunks_mut(M).take(groups - first);
+            let mut group = from + first;
+            while let Some(place) = places.next() {
+                // As many side by side as the registers hold: a number of λ is read once for all of them.
+                if const { N <= ABREAST_UP_TO }
+                    && let Some(next) = places.next()
+                {
+                    let [columns, beside] = costate.columns::<D, 2>(tables, group, axes, &rows.inputs.columns);
+                    put(&columns, place);
+                    put(&beside, next);
+                    group += 2;
+                } else {
+                    let [columns] = costate.columns::<D, 1>(tables, group, axes, &rows.inputs.columns);
+                    put(&columns, place);
+                    group += 1;
                 }
             }
             row[index] += prediction.input_weight[prediction.inputs.as_slice()[a]] * rows.horizon.share(i);

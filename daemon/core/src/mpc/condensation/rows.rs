@@ -138,11 +138,12 @@ impl<'a, const N: usize, const D: usize, const M: usize, const C: usize> MpcRows
     }
 
     /// The gradient over q of the bounded axes' multipliers from row `row` on, and the sum of
-    /// these.
+    /// these; `None` where all are zero, as most are.
     #[inline(always)]
-    fn pushed(&self, multipliers: &[f64], row: usize) -> (SimdVector<N>, f64) {
+    fn pushed(&self, multipliers: &[f64], row: usize) -> Option<(SimdVector<N>, f64)> {
         let pushing: [f64; M] = core::array::from_fn(|k| if k < self.bounded { multipliers[row + k] } else { 0.0 });
-        (self.gradients.transposed_times(SimdVector::new(&pushing)), pushing.iter().sum())
+        let is_pushing = pushing.iter().fold(false, |is_pushing, y| is_pushing | (*y != 0.0));
+        is_pushing.then(|| (self.gradients.transposed_times(SimdVector::new(&pushing)), pushing.iter().sum()))
     }
 
     /// Adds Vᵀ r to the entries of step `step`.
@@ -339,14 +340,15 @@ impl<const N: usize, const D: usize, const M: usize, const C: usize> Rows for Mp
             let mut reference = costate.back(step);
             while instant > 0 && points[instant - 1].step == k {
                 instant -= 1;
-                let row = self.at(RowKind::Force, instant).unwrap_or(0);
-                let (mut position, sum) = self.pushed(multipliers, row);
-                slack -= off_maximum * sum;
-                if let Some(row) = self.at(RowKind::MinimumForce, instant) {
-                    let (lower, sum) = self.pushed(multipliers, row);
-                    position = position.plus(lower);
-                    slack += SLACK_UNIT * sum;
-                }
+                let upper = self.at(RowKind::Force, instant).and_then(|row| self.pushed(multipliers, row));
+                let lower = self.at(RowKind::MinimumForce, instant).and_then(|row| self.pushed(multipliers, row));
+                slack +=
+                    SLACK_UNIT * lower.map_or(0.0, |(_, sum)| sum) - off_maximum * upper.map_or(0.0, |(_, sum)| sum);
+                let position = match (upper, lower) {
+                    (None, None) => continue,
+                    (Some((position, _)), None) | (None, Some((position, _))) => position,
+                    (Some((upper, _)), Some((lower, _))) => upper.plus(lower),
+                };
                 let point = &points[instant];
                 let at_once = costate.seed(&point.position_by, &point.position_by_reference, position);
                 reference = reference.plus(at_once);

@@ -36,6 +36,71 @@ fn pushing(multipliers: &[f64]) -> impl Iterator<Item = (usize, f64)> {
     some.flat_map(|(group, ys)| (group * LANES..).zip(ys.iter().copied())).filter(|(_, y)| *y != 0.0)
 }
 
+/// All bits of the lanes for which `is_in` is true: what is anything elsewhere, NaN as well, is zero with it.
+fn lanes_where(is_in: impl Fn(usize) -> bool) -> f64x4 {
+    f64x4::new(core::array::from_fn(|lane| f64::from_bits(if is_in(lane) { u64::MAX } else { 0 })))
+}
+
+/// Four rows of H z while they are added up.
+struct FourRows<'a> {
+    rows: [&'a [[f64; LANES]]; LANES],
+    /// z of these rows.
+    here: [f64x4; LANES],
+    /// Of each row the products, to be added across the lanes.
+    sums: [f64x4; LANES],
+}
+
+impl FourRows<'_> {
+    /// Adds the products of a tile with `z` of its columns to the sums, and to `product` of its columns what they get
+    /// of these rows; of a tile all but the lanes of `right` is zero, and for the columns all but those of `left`.
+    #[inline(always)]
+    fn add(&mut self, column: usize, z: f64x4, product: f64x4, [right, left]: [&[f64x4; LANES]; 2]) -> f64x4 {
+        let mut product = product;
+        for i in 0..LANES {
+            let row = f64x4::new(self.rows[i][column]);
+            self.sums[i] = (row & right[i]).mul_add(z, self.sums[i]);
+            product = (row & left[i]).mul_add(self.here[i], product);
+        }
+        product
+    }
+}
+
+/// H z, from the upper triangle of H alone, four rows at a time: what is left of the diagonal or beyond the variables
+/// may be anything.
+fn write_product(qp: &Qp<'_>, z: &[f64], product: &mut [f64]) {
+    let (n, stride) = (qp.variables, qp.stride);
+    let all = [lanes_where(|_| true); LANES];
+    let from_diagonal = core::array::from_fn(|i| lanes_where(|lane| lane >= i));
+    let behind_diagonal = core::array::from_fn(|i| lanes_where(|lane| lane > i));
+    let last = n.div_ceil(LANES) - 1;
+    let is_variable = lanes_where(|lane| last * LANES + lane < n);
+    let (z, product) = (groups(z), groups_mut(product));
+    let end = f64x4::new(z[last]) & is_variable;
+    product.fill([0.0; LANES]);
+    for block in 0..=last {
+        let row = |i: usize| &qp.hessian[(block * LANES + i) * stride..][..stride];
+        // Rows beyond the variables are not there: with a z of 0 any other does.
+        let rows = core::array::from_fn(|i| groups(row(i.min(n - 1 - block * LANES))));
+        let own = if block == last { end } else { f64x4::new(z[block]) };
+        let mut four = FourRows { rows, here: own.to_array().map(f64x4::splat), sums: [f64x4::ZERO; LANES] };
+        let mut here = f64x4::new(product[block]);
+        if block == last {
+            let [right, left] = [&from_diagonal, &behind_diagonal].map(|lanes| lanes.map(|lanes| lanes & is_variable));
+            here = four.add(block, own, here, [&right, &left]);
+        } else {
+            here = four.add(block, own, here, [&from_diagonal, &behind_diagonal]);
+            for column in block + 1..last {
+                product[column] =
+                    four.add(column, f64x4::new(z[column]), f64x4::new(product[column]), [&all, &all]).to_array();
+            }
+            let is_there = [is_variable; LANES];
+            product[last] = four.add(last, end, f64x4::new(product[last]), [&is_there, &is_there]).to_array();
+        }
+        let [a, b, c, d] = f64x4::transpose(four.sums);
+        product[block] = (here + ((a + b) + (c + d))).to_array();
+    }
+}
+
 /// The residual of `z` with the multipliers `y`. n² multiplications, and what the rows take for A z
 /// and Aᵀ y; `scratch` is at least 2·stride + rows rounded up to whole groups; A z stands in it
 /// behind 2·stride afterwards.
@@ -45,25 +110,7 @@ pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64], scratch: &mut [f64]) -> K
     let (pushed, values) = rest.split_at_mut(stride);
     pushed.fill(0.0);
     qp.rows.add_transposed(y, pushed);
-    curvature.fill(0.0);
-    for (i, row) in qp.hessian.chunks_exact(stride).enumerate().take(n) {
-        // Whole groups between the one of the diagonal and the one beyond the variables.
-        let whole = (i / LANES + 1) * LANES..(n / LANES * LANES).max((i / LANES + 1) * LANES);
-        let here = z[i];
-        let mut sum = row[i] * here;
-        for j in (i + 1..whole.start.min(n)).chain(whole.end..n) {
-            sum += row[j] * z[j];
-            curvature[j] += row[j] * here;
-        }
-        let rows = groups(&row[whole.clone()]).iter().zip(groups(&z[whole.clone()]));
-        let mut sums = f64x4::ZERO;
-        for (curvature, (row, z)) in groups_mut(&mut curvature[whole]).iter_mut().zip(rows) {
-            let row = f64x4::new(*row);
-            sums = row.mul_add(f64x4::new(*z), sums);
-            *curvature = row.mul_add(f64x4::splat(here), f64x4::new(*curvature)).to_array();
-        }
-        curvature[i] += sum + sums.reduce_add();
-    }
+    write_product(qp, z, curvature);
     let (mut worst, mut scale, mut finite) = (0.0_f64, 1.0_f64, true);
     for i in 0..n {
         let sum = curvature[i] + qp.gradient[i] + pushed[i];
