@@ -1,6 +1,7 @@
 """Puts the C client and `admittancectl` into the wheel, those that ADMITTANCE_CLIENT_LIBRARY and ADMITTANCE_PROGRAM name
 or ones built by edges/c/install and cargo, and the stub of its samples."""
 
+import json
 import os
 import re
 import shutil
@@ -20,10 +21,19 @@ sys.path.insert(0, str(HERE))
 import stub  # noqa: E402
 
 
+def given(variable):
+    """The file that this variable names; None where it is not set."""
+    value = os.environ.get(variable)
+    # pip builds in a directory of its own choice: a relative path would mean another file.
+    if value and not (os.path.isabs(value) and os.path.isfile(value)):
+        sys.exit(f"{variable} = {value!r}: accepted: the absolute path of a file")
+    return value
+
+
 def put_library(target):
-    given = os.environ.get("ADMITTANCE_CLIENT_LIBRARY")
-    if given:
-        shutil.copyfile(given, target)
+    library = given("ADMITTANCE_CLIENT_LIBRARY")
+    if library:
+        shutil.copyfile(library, target)
         return
     with tempfile.TemporaryDirectory() as prefix:
         subprocess.run([HERE.parent / "c" / "install", prefix], check=True)
@@ -31,15 +41,22 @@ def put_library(target):
 
 
 def put_program(target):
-    given = os.environ.get("ADMITTANCE_PROGRAM")
-    if not given:
-        subprocess.run(["cargo", "build", "--release", "-p", "admittancectl"], check=True, cwd=HERE)
-        given = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parent.parent / "target")) / "release" / "admittancectl"
-    shutil.copyfile(given, target)
+    shutil.copyfile(given("ADMITTANCE_PROGRAM") or built_program(), target)
     target.chmod(0o755)
-    # What a debugger wants of it is most of it.
+    # Most of it is for debuggers. One that strip cannot read stays as it is.
     if shutil.which("strip"):
-        subprocess.run(["strip", target], check=True)
+        subprocess.run(["strip", target], check=False)
+
+
+def built_program():
+    """`admittancectl` in the release profile, wherever cargo puts it."""
+    words = "build --release --locked -p admittancectl --bin admittancectl --message-format=json-render-diagnostics"
+    said = subprocess.run(["cargo", *words.split()], check=True, cwd=HERE, stdout=subprocess.PIPE, text=True).stdout
+    artifacts = [json.loads(line) for line in said.splitlines() if line.startswith("{")]
+    programs = [artifact["executable"] for artifact in artifacts if artifact.get("executable")]
+    if not programs:
+        sys.exit("cargo built no admittancectl; ADMITTANCE_PROGRAM names one that is there already")
+    return programs[-1]
 
 
 class WithPrograms(build_py):

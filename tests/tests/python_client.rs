@@ -159,6 +159,12 @@ try:
     raise SystemExit("a program that is none was found")
 except FileNotFoundError as error:
     assert "no-such-program" in str(error) and "cargo build" in str(error), error
+try:
+    # The sources alone bring no program, whatever PATH has.
+    admittance.simulate(config, scenario)
+    raise SystemExit("a program that is not there was run")
+except FileNotFoundError as error:
+    assert "a wheel of this package brings it" in str(error), error
 print(len(runs[0].wrench), "samples, peak", max(expected["peak"]), "N")
 "#;
     let program = binaries().admittancectl.to_string_lossy();

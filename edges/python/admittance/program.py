@@ -19,12 +19,17 @@ class ProgramFailed(Exception):
 
 def run(program: Program, *arguments: str, failure: type[ProgramFailed]) -> str:
     """What `program ARGUMENTS` prints; `failure` when it says that it could not."""
-    wanted = Path(__file__).with_name("admittancectl") if program is None else program
-    found = shutil.which(wanted)
+    own = Path(__file__).with_name("admittancectl")
+    found = shutil.which(own if program is None else program)
     if found is None:
+        if program is None:
+            raise FileNotFoundError(
+                f"{os.fspath(own)!r} is not there, or not executable: a wheel of this package brings it; "
+                "program= names another admittancectl"
+            )
         raise FileNotFoundError(
-            f"program = {os.fspath(wanted)!r}: accepted: a path, or a name that PATH has; "
-            "a wheel brings one, and `cargo build --release` makes target/release/admittancectl"
+            f"program = {os.fspath(program)!r}: accepted: a path, or a name that PATH has; "
+            "`cargo build --release` makes target/release/admittancectl"
         )
     done = subprocess.run([found, *arguments], capture_output=True, text=True, check=False)
     if done.returncode != 0:

@@ -19,7 +19,7 @@ def request(
 ) -> str:
     """Asks what `admittancectl KIND ARGUMENTS` asks, of the daemon of this configuration, such as `reset`; what it says.
 
-    `program` is another `admittancectl` than the one of this package."""
+    `program` is an `admittancectl` other than this package's."""
     return run(program, kind, "--config", os.fspath(config), *arguments, failure=RequestFailed)
 
 

@@ -22,7 +22,7 @@ def simulate(
     """What the daemon of this configuration does to the plant of this scenario, both TOML files.
 
     In virtual time: as fast as it can be computed, and the same numbers every time. `out` keeps the recording, in a
-    file that must not exist yet. `program` is another `admittancectl` than the one of this package.
+    file that must not exist yet. `program` is an `admittancectl` other than this package's.
     """
     with tempfile.TemporaryDirectory() as directory:
         file = Path(directory, "simulation.mcap") if out is None else Path(out)

@@ -141,7 +141,7 @@ fn square<const N: usize, const D: usize>(jacobian: &[[f64; D]; N], weight: &[f6
     })
 }
 
-/// Joints up to which two groups of columns are computed side by side: of more, the registers hold one.
+/// Joints up to which two groups of columns are computed side by side: with more, the registers hold only one.
 const ABREAST_UP_TO: usize = 6;
 
 /// Σ_n x_n matrix_n.
@@ -150,8 +150,8 @@ fn combined<const N: usize>(x: &[f64; N], matrix: &[SimdVector<N>; N]) -> SimdVe
     (0..N).fold(SimdVector::ZERO, |sum, n| SimdVector::splat(x[n]).times_plus(matrix[n], sum))
 }
 
-/// λ of a reference: by the q of each joint, by each number that it carries, and by its q filtered as the estimates
-/// of an axis are.
+/// λ of a reference: by each joint's q, by each number that a joint carries, and by each joint's q filtered as the
+/// estimate of an axis is.
 struct Costate<const N: usize, const M: usize, const C: usize> {
     position: [f64; N],
     carried: [[f64; N]; C],

@@ -51,8 +51,8 @@ struct FourRows<'a> {
 }
 
 impl FourRows<'_> {
-    /// Adds the products of a tile with `z` of its columns to the sums, and to `product` of its columns what they get
-    /// of these rows; of a tile all but the lanes of `right` is zero, and for the columns all but those of `left`.
+    /// Adds to each row's sum its product with `z` of these columns, from the lanes in `right`; returns `product` of the
+    /// columns with what they get from these rows, from the lanes in `left`.
     #[inline(always)]
     fn add(&mut self, column: usize, z: f64x4, product: f64x4, [right, left]: [&[f64x4; LANES]; 2]) -> f64x4 {
         let mut product = product;
@@ -72,7 +72,7 @@ fn write_product(qp: &Qp<'_>, z: &[f64], product: &mut [f64]) {
     let all = [lanes_where(|_| true); LANES];
     let from_diagonal = core::array::from_fn(|i| lanes_where(|lane| lane >= i));
     let behind_diagonal = core::array::from_fn(|i| lanes_where(|lane| lane > i));
-    let last = n.div_ceil(LANES) - 1;
+    let Some(last) = n.div_ceil(LANES).checked_sub(1) else { return };
     let is_variable = lanes_where(|lane| last * LANES + lane < n);
     let (z, product) = (groups(z), groups_mut(product));
     let end = f64x4::new(z[last]) & is_variable;
@@ -101,7 +101,7 @@ fn write_product(qp: &Qp<'_>, z: &[f64], product: &mut [f64]) {
     }
 }
 
-/// The residual of `z` with the multipliers `y`. n² multiplications, and what the rows take for A z
+/// The residual of `z`, which is stride long and may be anything beyond n, with the multipliers `y`. n² multiplications, and what the rows take for A z
 /// and Aᵀ y; `scratch` is at least 2·stride + rows rounded up to whole groups; A z stands in it
 /// behind 2·stride afterwards.
 pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64], scratch: &mut [f64]) -> KktResidual {
@@ -169,4 +169,67 @@ pub fn certificate_gap(
     gap -= residual.iter().map(|residual| residual.abs() * reach).sum::<f64>();
     let least = gap / giving;
     (least > 0.0 && least.is_finite()).then_some(least)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Rows;
+    use super::*;
+
+    struct NoRows;
+
+    impl Rows for NoRows {
+        fn values(&self, _: &[f64], _: &mut [f64]) {}
+        fn coefficients(&self, _: usize, out: &mut [f64]) -> usize {
+            out.len()
+        }
+        fn add_transposed(&self, _: &[f64], _: &mut [f64]) {}
+    }
+
+    const MOST: usize = 9;
+    const STRIDE: usize = padded(MOST);
+
+    /// Of H z + g with H the first n×n of the matrix, which is NaN elsewhere.
+    fn stationarity(n: usize, upper: impl Fn(usize, usize) -> f64, z: &[f64], gradient: &[f64]) -> f64 {
+        let stride = padded(n);
+        let mut hessian = [f64::NAN; MOST * STRIDE];
+        for (i, j) in (0..n).flat_map(|i| (i..n).map(move |j| (i, j))) {
+            hessian[i * stride + j] = upper(i, j);
+        }
+        let qp = Qp {
+            variables: n,
+            stride,
+            hessian: &hessian[..n * stride],
+            gradient: &gradient[..stride],
+            rows: &NoRows,
+            row_count: 0,
+            lower: &[],
+            upper: &[],
+            weight: &[],
+        };
+        kkt_residual(&qp, &z[..stride], &[], &mut [0.0; 3 * STRIDE]).stationarity
+    }
+
+    #[test]
+    fn the_product_takes_the_upper_triangle_and_nothing_else() {
+        let upper = |i: usize, j: usize| 1.0 / (1 + i + 2 * j) as f64;
+        for n in 1..=MOST {
+            // Beyond the variables z is anything, too.
+            let z: [f64; STRIDE] = core::array::from_fn(|i| if i < n { 1.0 - 0.3 * i as f64 } else { f64::NAN });
+            let mut gradient = [0.0; STRIDE];
+            for i in 0..n {
+                gradient[i] = -(0..n).map(|j| upper(i.min(j), i.max(j)) * z[j]).sum::<f64>();
+            }
+            let residual = stationarity(n, upper, &z, &gradient);
+            assert!(residual < 1e-14, "{n} variables: {residual:e}");
+            for (row, column) in (0..n).flat_map(|row| (row..n).map(move |column| (row, column))) {
+                let other = |value: f64| {
+                    let upper = |i, j| if (i, j) == (row, column) { value } else { upper(i, j) };
+                    stationarity(n, upper, &z, &gradient)
+                };
+                assert!(other(f64::NAN).is_nan(), "{n} variables: NaN at {row}, {column} is not seen");
+                assert!(other(upper(row, column) + 1.0) > 0.01, "{n} variables: {row}, {column} is not read");
+            }
+        }
+    }
 }

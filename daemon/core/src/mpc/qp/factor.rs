@@ -20,7 +20,8 @@ pub(super) struct Factor<'a> {
     /// Of each tile on the diagonal the inverse, by rows and by columns.
     inverses: &'a mut [[Tile; 2]],
     blocks: usize,
-    /// Blocks that H couples with one another: a slack at the end, of which H has the diagonal alone, is not one of them.
+    /// Blocks that H couples with one another: all, or all but the last where H is zero above its tile, as where a slack
+    /// has that block to itself. What is left out would add zeros.
     coupled: usize,
 }
 
@@ -168,7 +169,7 @@ impl Place<'_> {
     }
 }
 
-/// Whether H has nothing beside the diagonal in the columns of the last block, which its other blocks might couple with.
+/// Whether H is zero above its last tile on the diagonal.
 fn is_alone(hessian: &[f64], blocks: usize, n: usize) -> bool {
     let last = blocks - 1;
     let rows = hessian.chunks_exact(blocks * LANES).take(last * LANES);
