@@ -20,9 +20,6 @@ pub(super) struct Factor<'a> {
     /// Of each tile on the diagonal the inverse, by rows and by columns.
     inverses: &'a mut [[Tile; 2]],
     blocks: usize,
-    /// Blocks that H couples with one another: all, or all but the last where H is zero above its tile, as where a slack
-    /// has that block to itself. What is left out would add zeros.
-    coupled: usize,
 }
 
 impl<'a> Factor<'a> {
@@ -34,8 +31,7 @@ impl<'a> Factor<'a> {
     /// A factor within `storage`, not computed yet.
     pub(super) fn within(storage: &'a mut [f64], stride: usize) -> Self {
         let (tiles, inverses) = storage.split_at_mut(stride * stride);
-        let blocks = stride / LANES;
-        Self { tiles: tiles_mut(tiles), inverses: tiles_mut(inverses).as_chunks_mut().0, blocks, coupled: blocks }
+        Self { tiles: tiles_mut(tiles), inverses: tiles_mut(inverses).as_chunks_mut().0, blocks: stride / LANES }
     }
 
     /// Factors H (n×n, rows a stride apart, upper triangle). False when H is not numerically
@@ -45,21 +41,18 @@ impl<'a> Factor<'a> {
     /// rows above are subtracted from them.
     pub(super) fn compute(&mut self, hessian: &[f64], n: usize) -> bool {
         let blocks = self.blocks;
-        let is_last_alone = blocks > 0 && is_alone(hessian, blocks, n);
-        self.coupled = blocks - usize::from(is_last_alone);
         let mut positive = true;
         for block in 0..blocks {
             let (above, rest) = self.tiles.split_at_mut(block * blocks);
             let rows = &hessian[block * LANES * blocks * LANES..];
-            let above: &[Tile] = if block < self.coupled { above } else { &[] };
             let place = Place { rows, above, blocks, block, n };
             let [[a], [b], [c], [d]] = place.panel::<1>(block);
             let (inverse, is_positive) = inverse_of_root([a, b, c, d].map(f64x4::to_array));
             positive &= is_positive;
             self.inverses[block] = [inverse, transposed(&inverse)];
             let mut column = block + 1;
-            while column < self.coupled {
-                column += match self.coupled - column {
+            while column < blocks {
+                column += match blocks - column {
                     1 => place.finish::<1>(column, &inverse, rest),
                     // Not one alone: it would wait for each of its sums.
                     2 | 4 => place.finish::<2>(column, &inverse, rest),
@@ -70,11 +63,10 @@ impl<'a> Factor<'a> {
         positive
     }
 
-    /// Tiles right of the diagonal in a block row, without those that are zero.
+    /// Tiles right of the diagonal in a block row.
     #[inline(always)]
     fn right_of_diagonal(&self, block: usize) -> &[Tile] {
-        let row = block * self.blocks;
-        &self.tiles[row + block + 1..row + self.coupled.max(block + 1)]
+        &self.tiles[block * self.blocks + block + 1..(block + 1) * self.blocks]
     }
 
     /// x ← U⁻ᵀ x, for an x that is zero before `start` (a multiple of [`LANES`]); (n − start)²/2
@@ -94,8 +86,7 @@ impl<'a> Factor<'a> {
         let x = &mut groups_mut(x)[..self.blocks];
         for block in (0..self.blocks).rev() {
             let (head, tail) = x[block..].split_at_mut(1);
-            let right = self.right_of_diagonal(block);
-            let known = products(right, &tail[..right.len()]);
+            let known = products(self.right_of_diagonal(block), tail);
             let left = core::array::from_fn(|i| head[0][i] - known[i]);
             head[0] = combination(&left, &self.inverses[block][1]);
         }
@@ -167,13 +158,6 @@ impl Place<'_> {
         }
         G
     }
-}
-
-/// Whether H is zero above its last tile on the diagonal.
-fn is_alone(hessian: &[f64], blocks: usize, n: usize) -> bool {
-    let last = blocks - 1;
-    let rows = hessian.chunks_exact(blocks * LANES).take(last * LANES);
-    rows.fold(true, |is_alone, row| row[last * LANES..n].iter().fold(is_alone, |is_alone, h| is_alone & (*h == 0.0)))
 }
 
 /// U⁻¹ for the tile A = Uᵀ U, of which the upper triangle is read; and whether A is positive

@@ -1,5 +1,5 @@
 //! Vector operations in groups of [`LANES`] numbers. Every slice has a multiple of [`LANES`]
-//! elements; the order of operations, and so each bit of a result but the sign of a zero, depends on lengths only.
+//! elements; the order of operations, and so each bit of a result, depends on lengths only.
 //! Products are added without being rounded in between where the processor can (x86-64-v3).
 
 use wide::f64x4;
