@@ -21,6 +21,9 @@ pub(crate) fn broken(rows: &[&Row]) -> Vec<String> {
                 if !within {
                     broken.push(format!("{name} peaked at {peak:.1} N, above {LIMIT_N} N"));
                 }
+                if let Some(stop) = &row.stop {
+                    broken.push(format!("{name}'s daemon stopped the arm: {stop}"));
+                }
                 if losses > 0 || !touched {
                     broken.push(format!("{name} lost contact {losses} times, or never touched"));
                 }
@@ -48,6 +51,7 @@ mod tests {
             cycles,
             missed_samples,
             answer_time_us,
+            stop: None,
         }
     }
 
@@ -62,6 +66,7 @@ mod tests {
             row("mpc-default", 100.0, 1),
             row("mpc-paper", f64::NAN, 0),
             row("mpc-paper", 0.0, 0),
+            Row { stop: Some("SamplesMissed at 1.072 s (Stopped)".to_owned()), ..row("mpc-default", 144.0, 0) },
         ];
         for row in &bad {
             assert!(!broken(&[row]).is_empty(), "{row:?}");

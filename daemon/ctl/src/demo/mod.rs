@@ -108,6 +108,9 @@ pub(crate) struct Row {
     pub(crate) cycles: u64,
     pub(crate) missed_samples: u64,
     pub(crate) answer_time_us: Percentiles,
+    /// The first stop of its daemon: an arm that stands keeps its force, and shows nothing.
+    #[serde(skip)]
+    pub(crate) stop: Option<String>,
 }
 
 /// One controller's run.
@@ -299,7 +302,7 @@ fn summary_of(scenario: &Scenario, truths: &[TruthSample]) -> Summary {
 
 /// What one controller's truths and changes are together.
 pub(crate) fn run_of(controller: Controller, scenario: &Scenario, truths: Vec<TruthSample>, changes: Changes) -> Run {
-    let row = row(controller, &summary_of(scenario, &truths), &truths);
+    let row = Row { stop: changes.stop(), ..row(controller, &summary_of(scenario, &truths), &truths) };
     Run { controller, row, truths, changes }
 }
 
@@ -333,6 +336,7 @@ fn row(controller: Controller, summary: &Summary, truths: &[TruthSample]) -> Row
         cycles: summary.cycles,
         missed_samples: summary.missed_samples,
         answer_time_us: percentiles(answers.map(|truth| truth.answer_time_ns as f64 * 1e-3).collect()),
+        stop: None,
     }
 }
 
@@ -410,6 +414,8 @@ mod tests {
         assert!(of(&shown).expect("shown all the same").starts_with("mpc-paper: 3 command(s) missed near contact"));
         let (exit, text) = of(&idle).expect_err("that it touched nothing may be the machine's");
         assert_eq!(exit, Exit::MachineBusy);
+        let stopped = Row { stop: Some("SamplesMissed at 1.072 s (Stopped)".to_owned()), ..shown.clone() };
+        assert_eq!(of(&stopped).expect_err("an arm that stands keeps nothing").0, Exit::MachineBusy);
         assert!(text.contains("3 command(s) missed near contact, for 1 of which the plant"), "{text}");
         let bounced = Row { contact_losses: 8, ..row(CONTROLLERS[0], &summary, &[]) };
         assert_eq!(of(&bounced).expect_err("it may bounce by what was missed").0, Exit::MachineBusy);

@@ -21,6 +21,17 @@ struct Said {
     stop_reason: u32,
 }
 
+impl Said {
+    fn is_one_of(&self, modes: [Mode; 2]) -> bool {
+        modes.iter().any(|mode| mode.code() == self.mode)
+    }
+
+    fn reason(&self) -> String {
+        let (reason, mode) = (StopReason::name_of(self.stop_reason), Mode::name_of(self.mode));
+        format!("{reason} at {:.3} s ({mode})", self.time_s)
+    }
+}
+
 /// Cycles that said something else than the one before.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Changes(Vec<Said>);
@@ -43,17 +54,17 @@ impl Changes {
     /// The first stop, and when: "Infeasible at 0.120 s (Stopping)". Where there was none, what has
     /// ended control: a motion controller that ends is no stop.
     pub(super) fn first_stop(&self) -> String {
-        let is_one_of = |said: &Said, modes: [Mode; 2]| modes.iter().any(|mode| mode.code() == said.mode);
-        let text = |said: &Said| {
-            let (reason, mode) = (StopReason::name_of(said.stop_reason), Mode::name_of(said.mode));
-            format!("{reason} at {:.3} s ({mode})", said.time_s)
-        };
-        if let Some(stop) = self.0.iter().find(|said| is_one_of(said, [Mode::Stopping, Mode::Stopped])) {
-            return text(stop);
+        if let Some(stop) = self.stop() {
+            return stop;
         }
-        let mut controlled = self.0.iter().skip_while(|said| !is_one_of(said, [Mode::Free, Mode::Contact]));
+        let mut controlled = self.0.iter().skip_while(|said| !said.is_one_of([Mode::Free, Mode::Contact]));
         let ended = controlled.find(|said| said.stop_reason != StopReason::NONE);
-        ended.map_or("none".to_owned(), |ended| format!("none; control has ended: {}", text(ended)))
+        ended.map_or("none".to_owned(), |ended| format!("none; control has ended: {}", ended.reason()))
+    }
+
+    /// The first stop, and when, if there was one.
+    pub(crate) fn stop(&self) -> Option<String> {
+        self.0.iter().find(|said| said.is_one_of([Mode::Stopping, Mode::Stopped])).map(Said::reason)
     }
 
     /// Modes and verdicts up to `end_s`, the first band with this heading.

@@ -218,7 +218,7 @@ fn interleave<const M: usize>(by_input: &[f64x4; M], steps: &mut [[f64; M]]) {
 
 /// Writes a group of columns into its place.
 #[inline(always)]
-fn put<const M: usize>(columns: &[f64x4; M], place: &mut [[f64; LANES]]) {
+fn write_group<const M: usize>(columns: &[f64x4; M], place: &mut [[f64; LANES]]) {
     let steps = place.as_flattened_mut().as_chunks_mut().0;
     // Of a known number they stay in registers; at the end of a row there may be fewer.
     match steps.first_chunk_mut::<LANES>() {
@@ -307,12 +307,12 @@ pub(super) fn write<const N: usize, const D: usize, const M: usize, const C: usi
                     && let Some(next) = places.next()
                 {
                     let [columns, beside] = costate.columns::<D, 2>(tables, group, axes, &rows.inputs.columns);
-                    put(&columns, place);
-                    put(&beside, next);
+                    write_group(&columns, place);
+                    write_group(&beside, next);
                     group += 2;
                 } else {
                     let [columns] = costate.columns::<D, 1>(tables, group, axes, &rows.inputs.columns);
-                    put(&columns, place);
+                    write_group(&columns, place);
                     group += 1;
                 }
             }

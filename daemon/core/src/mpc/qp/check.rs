@@ -45,7 +45,7 @@ fn lanes_where(is_in: impl Fn(usize) -> bool) -> f64x4 {
 struct FourRows<'a> {
     rows: [&'a [[f64; LANES]]; LANES],
     /// z of these rows.
-    here: [f64x4; LANES],
+    z: [f64x4; LANES],
     /// Of each row the products, to be added across the lanes.
     sums: [f64x4; LANES],
 }
@@ -59,7 +59,7 @@ impl FourRows<'_> {
         for i in 0..LANES {
             let row = f64x4::new(self.rows[i][column]);
             self.sums[i] = (row & right[i]).mul_add(z, self.sums[i]);
-            product = (row & left[i]).mul_add(self.here[i], product);
+            product = (row & left[i]).mul_add(self.z[i], product);
         }
         product
     }
@@ -82,13 +82,13 @@ fn write_product(qp: &Qp<'_>, z: &[f64], product: &mut [f64]) {
         // Rows beyond the variables are not there: with a z of 0 any other does.
         let rows = core::array::from_fn(|i| groups(row(i.min(n - 1 - block * LANES))));
         let own = if block == last { end } else { f64x4::new(z[block]) };
-        let mut four = FourRows { rows, here: own.to_array().map(f64x4::splat), sums: [f64x4::ZERO; LANES] };
-        let mut here = f64x4::new(product[block]);
+        let mut four = FourRows { rows, z: own.to_array().map(f64x4::splat), sums: [f64x4::ZERO; LANES] };
+        let mut sum = f64x4::new(product[block]);
         if block == last {
             let [right, left] = [&from_diagonal, &behind_diagonal].map(|lanes| lanes.map(|lanes| lanes & is_variable));
-            here = four.add(block, own, here, [&right, &left]);
+            sum = four.add(block, own, sum, [&right, &left]);
         } else {
-            here = four.add(block, own, here, [&from_diagonal, &behind_diagonal]);
+            sum = four.add(block, own, sum, [&from_diagonal, &behind_diagonal]);
             for column in block + 1..last {
                 product[column] =
                     four.add(column, f64x4::new(z[column]), f64x4::new(product[column]), [&all, &all]).to_array();
@@ -97,13 +97,13 @@ fn write_product(qp: &Qp<'_>, z: &[f64], product: &mut [f64]) {
             product[last] = four.add(last, end, f64x4::new(product[last]), [&is_there, &is_there]).to_array();
         }
         let [a, b, c, d] = f64x4::transpose(four.sums);
-        product[block] = (here + ((a + b) + (c + d))).to_array();
+        product[block] = (sum + ((a + b) + (c + d))).to_array();
     }
 }
 
-/// The residual of `z`, which is stride long and may be anything beyond n, with the multipliers `y`. n² multiplications, and what the rows take for A z
-/// and Aᵀ y; `scratch` is at least 2·stride + rows rounded up to whole groups; A z stands in it
-/// behind 2·stride afterwards.
+/// The residual of `z`, which is stride long and may be anything beyond n, with the multipliers `y`. n²
+/// multiplications, and what the rows take for A z and Aᵀ y; `scratch` is at least 2·stride + rows rounded up to
+/// whole groups; A z stands in it behind 2·stride afterwards.
 pub fn kkt_residual(qp: &Qp<'_>, z: &[f64], y: &[f64], scratch: &mut [f64]) -> KktResidual {
     let (n, stride) = (qp.variables, qp.stride);
     let (curvature, rest) = scratch.split_at_mut(stride);
