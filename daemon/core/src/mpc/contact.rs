@@ -45,8 +45,8 @@ const MOST_LEAD: f64 = 0.05;
 const LEAD_IN_HASTE: f64 = 0.02;
 /// Part of the joints' speed that a slide uses at most: what is left keeps the force.
 const SLIDE: f64 = 0.95;
-/// How far below the limit a plan stays where it can, relative to how far above it may be.
-const ROOM: f64 = 2.0;
+/// How far below the limit a plan stays where it can, relative to how far above it may be; half as far where it can't.
+const ROOM: f64 = 4.0;
 /// Part of what the drives allow at once that a tool may have to leave a depth with.
 const BACK_AT_ONCE: f64 = 0.5;
 /// In how many times the lag of the speed loops and a cycle the force then settles.
@@ -68,7 +68,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // A plan that rides on the limit would miss it by what the linear model leaves out.
         // A set has its own room: what is uncertain.
         let room = if situation.belief.set().is_some() { 0.0 } else { ROOM };
-        let levels = [-room * tolerance, 0.0, tolerance];
+        let levels = [-room, -room / 2.0, 0.0, 1.0].map(|part| part * tolerance);
         let mut level = levels[0];
         let beyond = Beyond::of(&self.settings, situation, demand);
         if let Some(verdict) = beyond.hopeless() {
