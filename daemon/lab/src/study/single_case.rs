@@ -102,9 +102,11 @@ mod tests {
     /// of a turning arm had used up the tolerance.
     #[test]
     fn an_impact_near_what_is_attainable_is_not_refused_late() {
-        for index in [51, 1749, 2145, 2345] {
-            let (_, seen) = seen(27_713_072, index);
-            assert!(seen.is_feasible() && !seen.stopped(), "{index}: {seen:?}");
+        // Of the last one the lowest attainable peak is within 1 % of the limit: there is less room to keep.
+        let found = [51, 1749, 2145, 2345].map(|index| (27_713_072, index));
+        for (seed, index) in found.into_iter().chain([(28_114, 1), (4242, 221)]) {
+            let (_, seen) = seen(seed, index);
+            assert!(seen.is_feasible() && !seen.stopped(), "{seed}, {index}: {seen:?}");
         }
     }
 
