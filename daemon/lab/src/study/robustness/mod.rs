@@ -302,7 +302,7 @@ fn describe(named: &(&'static str, Cell), speed: f64, seed: u64, index: u64) -> 
     Ok(text)
 }
 
-/// The first cycles of a contact, a line each.
+/// The first cycles of a contact, or of what the controller takes for one, a line each.
 fn cycles(cell: &Cell, world: &plausible::World, speed_m_s: f64) -> Result<String, String> {
     let scenario = cell.scenario(world, speed_m_s, |_| true);
     let mut text =
@@ -311,7 +311,8 @@ fn cycles(cell: &Cell, world: &plausible::World, speed_m_s: f64) -> Result<Strin
     let mut touched_s = None;
     plausible::press_seen(cell.config(), &scenario, |step| {
         let (truth, command) = (&step.truth, &step.command);
-        if truth.peak_wrench.iter().any(|force| *force != 0.0) {
+        let is_free = ipc_types::Mode::from_code(command.mode) == Some(ipc_types::Mode::Free);
+        if !is_free || truth.peak_wrench.iter().any(|force| *force != 0.0) {
             touched_s.get_or_insert(truth.scenario_time_s);
         }
         let Some(since) = touched_s.map(|touched| truth.scenario_time_s - touched).filter(|since| *since < TOLD_S)
