@@ -102,9 +102,9 @@ mod tests {
     /// of a turning arm had used up the tolerance.
     #[test]
     fn an_impact_near_what_is_attainable_is_not_refused_late() {
-        // Of the last one the lowest attainable peak is within 1 % of the limit: there is less room to keep.
-        let found = [51, 1749, 2145, 2345].map(|index| (27_713_072, index));
-        for (seed, index) in found.into_iter().chain([(28_114, 1), (4242, 221)]) {
+        let of_one_seed = [51, 1749, 2145, 2345].map(|index| (27_713_072, index));
+        // 28114 needs more room than half a per cent; 4242 has no more, since its lowest attainable peak is 99.35 % of the limit.
+        for (seed, index) in of_one_seed.into_iter().chain([(28_114, 1), (4242, 221)]) {
             let (_, seen) = seen(seed, index);
             assert!(seen.is_feasible() && !seen.stopped(), "{seed}, {index}: {seen:?}");
         }

@@ -311,8 +311,9 @@ fn cycles(cell: &Cell, world: &plausible::World, speed_m_s: f64) -> Result<Strin
     let mut touched_s = None;
     plausible::press_seen(cell.config(), &scenario, |step| {
         let (truth, command) = (&step.truth, &step.command);
-        let is_free = ipc_types::Mode::from_code(command.mode) == Some(ipc_types::Mode::Free);
-        if !is_free || truth.peak_wrench.iter().any(|force| *force != 0.0) {
+        let mode = ipc_types::Mode::from_code(command.mode);
+        let acts_on_contact = !matches!(mode, Some(ipc_types::Mode::Idle | ipc_types::Mode::Free));
+        if acts_on_contact || truth.peak_wrench.iter().any(|force| *force != 0.0) {
             touched_s.get_or_insert(truth.scenario_time_s);
         }
         let Some(since) = touched_s.map(|touched| truth.scenario_time_s - touched).filter(|since| *since < TOLD_S)
@@ -324,12 +325,11 @@ fn cycles(cell: &Cell, world: &plausible::World, speed_m_s: f64) -> Result<Strin
         };
         let _ = writeln!(
             text,
-            "{:6.1}: {} |{} |{} | {:?} {:?} {:.1}",
+            "{:6.1}: {} |{} |{} | {mode:?} {:?} {:.1}",
             1e3 * since,
             of(&truth.peak_wrench, 1),
             of(&step.report.wrench, 1),
             of(&command.velocity_offset, 4),
-            ipc_types::Mode::from_code(command.mode),
             ipc_types::Verdict::from_code(command.verdict),
             command.verdict_margin,
         );
