@@ -39,8 +39,9 @@ impl<const D: usize> Belief<D> {
 
     /// Begins the contact with a surface that the samples show by the way of the tool, before f̂ is above β: where a tool weighs on
     /// the sensor against the touch, that is a cycle late, in which an arm goes 0.8 mm on at 4 ms and 0.2 m/s. What counts is the force
-    /// that the surface shows, which has less noise than f̂ from the second sample on; f̂ has to agree. Not where the arm
-    /// `was_in_contact` with the sample before: this one has just released it.
+    /// that the surface shows, which has less noise than f̂ from the second sample on; f̂ has to agree, by both ways of seeing the tool's
+    /// motion: one that sets off feigns a touch where q̇ is reported late. Not where the arm `was_in_contact` with the sample before:
+    /// this one has just released it.
     pub(super) fn touch_what_was_noticed<const N: usize>(&mut self, sample: &Accepted<N, D>, was_in_contact: bool) {
         let touched = self.set.as_ref().and_then(SurfaceSet::shown_of_touch);
         let Some(shown) = touched.filter(|_| !was_in_contact && !self.contact.is_any()) else { return };
@@ -48,6 +49,7 @@ impl<const D: usize> Belief<D> {
         let shown = self.surface.normal * -shown;
         let felt = thresholds.where_noticed().beyond(&sample.unsure()).felt(&shown);
         let felt = thresholds.held(&felt, &sample.wrench);
+        let felt = thresholds.held(&felt, &sample.wrench_by_position);
         let by_surface = (*sign == ContactSign::Normal).then_some(&self.signs);
         self.contact = self.contact.update(thresholds, &felt, by_surface, &shown);
     }

@@ -194,9 +194,17 @@ fn what_is_felt_changes_nothing_by_itself() {
     assert_eq!((belief.snapshot(), *belief.contact()), before);
 }
 
+/// A surface of which only a range is told.
+const RANGE: Prior = Prior { stiffness: (4e4, 2.5e5), depth_tolerance: None, normal_tolerance: 0.0, risk: 0.99 };
+
 /// The largest f̂ in N on an axis when a contact begins, of an arm that moves in at 60 mm/s and touches in the middle of a
 /// cycle; `None` where it has not begun at the second sample after that. An axis leaves below `release` N.
 fn felt_at_first(contact_point: ContactPoint, release: f64) -> Option<f64> {
+    felt_where_feigned(contact_point, release, 0.0)
+}
+
+/// The same where so much of f̂ (N on an axis) is the tool's own, as the joint positions show it.
+fn felt_where_feigned(contact_point: ContactPoint, release: f64, feigned: f64) -> Option<f64> {
     let mut told = parameters(contact_point);
     told.thresholds.release.fill(release);
     let mut belief = Belief::new(told.belief());
@@ -213,7 +221,8 @@ fn felt_at_first(contact_point: ContactPoint, release: f64) -> Option<f64> {
         way.push(Piece { duration: cycle, depth: [-1.0, -0.5, 0.0].map(|share| begins + depth(share)) });
         let q = common::indented(depth(0.0));
         let wrench = common::given(common::normal() * -estimate);
-        let sample = accepted(&Sample { joint_position: q, wrench, ..pressing(0.0, sequence) });
+        let mut sample = accepted(&Sample { joint_position: q, wrench, ..pressing(0.0, sequence) });
+        sample.wrench_by_position -= sample.wrench.map(f64::signum) * feigned;
         let felt = belief.felt(&sample);
         belief.follow(&sample, &sample.joint_velocity, Some(&way), &felt, false);
         belief.contact().is_any().then(|| sample.wrench.amax())
@@ -222,13 +231,18 @@ fn felt_at_first(contact_point: ContactPoint, release: f64) -> Option<f64> {
 
 #[test]
 fn a_surface_that_the_samples_show_is_touched_before_its_force_is_above_beta() {
-    let prior = Prior { stiffness: (4e4, 2.5e5), depth_tolerance: None, normal_tolerance: 0.0, risk: 0.99 };
-    let learned = ContactPoint::Learned(prior);
+    let learned = ContactPoint::Learned(RANGE);
     let force = felt_at_first(learned, 3.0).expect("touched");
     assert!(force > 4.0 && force < 5.0, "{force} N");
     // Above β alone where the surface is told, and where both thresholds are one.
     assert_eq!(felt_at_first(ContactPoint::Configured, 3.0), None);
     assert_eq!(felt_at_first(learned, 5.0), None);
+}
+
+#[test]
+fn a_touch_below_beta_is_one_by_both_ways_of_seeing_the_tool() {
+    let begins = |feigned: f64| felt_where_feigned(ContactPoint::Learned(RANGE), 3.0, feigned).is_some();
+    assert_eq!([0.0, 1.0, 3.0].map(begins), [true, true, false]);
 }
 
 #[test]

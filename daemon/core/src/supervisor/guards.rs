@@ -86,20 +86,19 @@ impl<const D: usize> Limits<'_, D> {
     }
 }
 
-/// Whether the wrench pulls on a surface that can only be pressed, by more than β and its `noise`
-/// (the standard deviation in N). Friction may turn the sign of one axis, never that of the force
-/// along the normal.
+/// Whether every one of the `wrenches` pulls on a surface that can only be pressed, by more than β and its `noise`
+/// (the standard deviation in N): f̂ by both ways of seeing the tool's motion, of which one may miss the inertia of an arm that
+/// sets off or brakes. Friction may turn the sign of one axis, never that of the force along the normal.
 pub(super) fn pulls<const D: usize>(
     sign: ContactSign,
     thresholds: &Thresholds<D>,
-    wrench: &SVector<f64, D>,
+    wrenches: [&SVector<f64, D>; 2],
     noise: f64,
     belief: &Belief<D>,
 ) -> bool {
     let felt = belief.surface_signs().axes(&thresholds.admittance).map(|axis| thresholds.activation[axis]);
     let most = felt.fold(f64::INFINITY, f64::min).max(NOISE_DEVIATIONS * noise);
-    let pulls = belief.surface().pressing_force(wrench) < -most;
-    sign == ContactSign::Normal && pulls
+    sign == ContactSign::Normal && wrenches.iter().all(|wrench| belief.surface().pressing_force(wrench) < -most)
 }
 
 /// Whether the wrench has pulled for so long that the model must be wrong.

@@ -228,7 +228,8 @@ impl<const D: usize> Supervisor<D> {
             // A touch is for the MPC to judge first: its stop knows what is attainable.
             Mode::Free { pulled_since, .. } => {
                 measured.or(exceeded.filter(|_| !belief.contact().is_any())).or_else(|| {
-                    let pulls = guards::pulls(*sign, thresholds, &sample.wrench, noise, belief);
+                    let wrenches = [&sample.wrench, &sample.wrench_by_position];
+                    let pulls = guards::pulls(*sign, thresholds, wrenches, noise, belief);
                     *pulled_since = pulls.then(|| pulled_since.unwrap_or(sample.stamp));
                     guards::contradicts(*pulled_since, sample.stamp)
                 })

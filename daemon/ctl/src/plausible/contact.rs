@@ -4,7 +4,7 @@
 use admittance_runner::config::Config;
 use admittance_runner::cycle;
 use admittance_runner::virtual_time::{Step, VirtualTime};
-use ipc_types::{CommandSample, Motion, StopReason, TruthSample, Verdict, VirtualPlant};
+use ipc_types::{CommandSample, Mode, Motion, StopReason, TruthSample, Verdict, VirtualPlant};
 use plant_sim::pose::{self, ArmPose};
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
@@ -33,6 +33,8 @@ pub struct Contact {
     pub is_at_risk: bool,
     /// Samples in which the controller counted a force above its limit.
     pub counted: u64,
+    /// Whether the controller took something else for a contact before the tool touched.
+    pub is_mistaken: bool,
     /// Whether the tool touched, and every sample was used.
     pub is_complete: bool,
 }
@@ -100,11 +102,13 @@ pub fn press_seen(config: &Config, scenario: &Scenario, mut see: impl FnMut(&Ste
     let mut run = VirtualTime::new(cycle::build(config)?, plant);
     let (mut peak, mut losses, mut late_losses) = (Peak::default(), Losses::default(), 0);
     let (mut stop_reason, mut is_infeasible, mut is_at_risk) = (None, false, false);
-    let mut has_fault = false;
+    let (mut has_fault, mut has_touched, mut is_mistaken) = (false, false, false);
     while let Some(step) = run.step()? {
         see(&step);
         let Step { command, truth, report, .. } = step;
         has_fault |= report.fault.is_some();
+        has_touched |= truth.peak_wrench.iter().any(|force| *force != 0.0);
+        is_mistaken |= !has_touched && matches!(Mode::from_code(command.mode), Some(Mode::Contact | Mode::Stopping));
         peak.see(config, &truth);
         if let (new, true) = losses.see(&truth)
             && stop_reason.is_none()
@@ -120,7 +124,17 @@ pub fn press_seen(config: &Config, scenario: &Scenario, mut see: impl FnMut(&Ste
     let is_complete = losses.touched_s.is_some() && !has_fault;
     let Peak { ratio: peak_ratio, is_over } = peak;
     let counted = run.cycle.counters().exceeded;
-    Ok(Contact { peak_ratio, is_over, late_losses, stop_reason, is_infeasible, is_at_risk, counted, is_complete })
+    Ok(Contact {
+        peak_ratio,
+        is_over,
+        late_losses,
+        stop_reason,
+        is_infeasible,
+        is_at_risk,
+        counted,
+        is_mistaken,
+        is_complete,
+    })
 }
 
 /// The peak when every joint goes outward at its speed limit from the first active sample on: what

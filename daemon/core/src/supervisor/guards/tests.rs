@@ -58,8 +58,13 @@ fn noise_is_neither_a_mismatch_nor_a_pull() {
     let mismatches = |force: f64, noise| GUARDS.mismatches(&pressing(force), noise, &belief);
     assert_eq!((mismatches(49.9, 0.0), mismatches(50.1, 0.0)), (false, true), "nothing is expected");
     assert_eq!((mismatches(49.9 + NOISE, 2.0), mismatches(50.1 + NOISE, 2.0)), (false, true));
-    let pulls =
-        |force: f64, noise| super::pulls(parameters.sign, &parameters.thresholds, &pressing(-force), noise, &belief);
+    let pulls_by = |forces: [f64; 2], noise| {
+        let [by_velocity, by_position] = forces.map(|force| pressing(-force));
+        super::pulls(parameters.sign, &parameters.thresholds, [&by_velocity, &by_position], noise, &belief)
+    };
+    let pulls = |force: f64, noise| pulls_by([force; 2], noise);
     assert_eq!((pulls(4.9, 0.0), pulls(5.1, 0.0)), (false, true), "β");
     assert_eq!((pulls(NOISE - 0.1, 2.0), pulls(NOISE + 0.1, 2.0)), (false, true));
+    // Either way of seeing the tool's motion may miss some of its inertia.
+    assert_eq!([[30.0, 4.9], [4.9, 30.0], [30.0, 5.1]].map(|forces| pulls_by(forces, 0.0)), [false, false, true]);
 }

@@ -35,6 +35,8 @@ pub(super) struct Counts {
     with_losses: usize,
     /// Stopped although full outward speed keeps the limit.
     false_stops: usize,
+    /// Something else taken for a contact before the tool touched.
+    mistaken: usize,
     /// Above the limit without a stop, a verdict that it can't or may not be kept, or a sample that was counted.
     silent: usize,
 }
@@ -57,6 +59,7 @@ impl Counts {
                 .map(|of| Excess { p99: of.p99, max: of.max }),
             with_losses: count(|run| run.contact.late_losses > 0),
             false_stops: count(Run::is_false_stop),
+            mistaken: count(|run| run.contact.is_mistaken),
             silent: count(|run| run.contact.is_silent()),
         }
     }
@@ -134,6 +137,8 @@ pub(super) struct Figures {
     by_cause: BTreeMap<Cause, OfCause>,
     /// Each of them.
     pub(super) bad_runs: Vec<Bad>,
+    /// The commands that show those again in which something else was taken for a contact.
+    mistaken_runs: Vec<String>,
     /// The commands that show silent ones again.
     silent_runs: Vec<String>,
 }
@@ -176,6 +181,9 @@ impl Figures {
             faults: run.faults(),
         });
         let bad_runs: Vec<Bad> = bad.collect();
+        let commands = |is: fn(&Run) -> bool| {
+            runs.iter().filter(|run| is(run)).map(|run| command(seed, told, run.index)).collect()
+        };
         Self {
             seed,
             all: Counts::of(runs.iter()),
@@ -191,11 +199,8 @@ impl Figures {
             bad: bad_runs.len(),
             by_cause,
             bad_runs,
-            silent_runs: runs
-                .iter()
-                .filter(|run| run.contact.is_silent())
-                .map(|run| command(seed, told, run.index))
-                .collect(),
+            mistaken_runs: commands(|run| run.contact.is_mistaken),
+            silent_runs: commands(|run| run.contact.is_silent()),
         }
     }
 
@@ -213,10 +218,11 @@ impl Figures {
             "worst ratio",
             "with losses",
             "false stops",
+            "mistaken",
             "silent",
         ]);
         let mut row = |name: &str, speed: String, of: &Counts| {
-            let counts = [of.with_losses, of.false_stops, of.silent].map(|count| count.to_string());
+            let counts = [of.with_losses, of.false_stops, of.mistaken, of.silent].map(|count| count.to_string());
             let head = [name.to_owned(), speed, of.runs.to_string(), of.over_limit.to_string()];
             let over = [of.avoidable, of.never_stopped, of.unattainable].map(|count| count.to_string());
             table.add_row(head.into_iter().chain(over).chain([format!("{:.3}", of.worst_ratio)]).chain(counts));
