@@ -123,12 +123,8 @@ fn a_tool_that_was_accelerated_is_no_force() {
     let exact_lag = Told { wrench_lag_tolerance: 0.0, ..Told::default() };
     for (name, seed, index) in [
         ("planar, 1 ms", 502, 457),
-        ("planar, 1 ms", 502, 529),
         ("planar, 1 ms", 502, 745),
-        ("planar, 1 ms", 502, 763),
         ("planar, 1 ms", 21_135, 331),
-        ("planar, 1 ms", 21_135, 529),
-        ("planar, 1 ms", 29_797, 61),
         ("six joints, 1 ms", 502, 189),
     ] {
         let cell = cell_of(name);
@@ -147,8 +143,13 @@ fn a_tool_that_was_accelerated_is_no_force() {
 #[test]
 fn a_tool_that_sets_off_neither_presses_nor_pulls() {
     let cell = cell_of("planar, 1 ms");
-    for (seed, index) in [(1_128_096, 25), (1_128_096, 43), (1_128_096, 619), (1_128_097, 727)] {
-        let contact = at_half_speed(&cell, seed, index);
+    let exact_lag = Told { wrench_lag_tolerance: 0.0, ..Told::default() };
+    let found =
+        [(1_128_096, 25), (1_128_096, 43), (1_128_096, 619), (1_128_097, 727)].map(|run| (run, Told::default()));
+    // These were stopped where T_est was told as if it were exact.
+    let without_tolerance = [(502, 529), (502, 763), (21_135, 529), (29_797, 61)].map(|run| (run, exact_lag.clone()));
+    for ((seed, index), told) in found.into_iter().chain(without_tolerance) {
+        let contact = told_at_half_speed(&told, &cell, seed, index);
         assert_eq!((contact.stop_reason, contact.is_over), (None, false), "{seed} {index}: {contact:?}");
     }
 }
