@@ -86,24 +86,51 @@ impl<const D: usize> Limits<'_, D> {
     }
 }
 
-/// Whether every one of the `wrenches` pulls on a surface that can only be pressed, by more than β and its `noise`
-/// (the standard deviation in N): f̂ by both ways of seeing the tool's motion, of which one may miss the inertia of an arm that
-/// sets off or brakes. Friction may turn the sign of one axis, never that of the force along the normal.
-pub(super) fn pulls<const D: usize>(
-    sign: ContactSign,
-    thresholds: &Thresholds<D>,
-    wrenches: [&SVector<f64, D>; 2],
-    noise: f64,
-    belief: &Belief<D>,
-) -> bool {
-    let felt = belief.surface_signs().axes(&thresholds.admittance).map(|axis| thresholds.activation[axis]);
-    let most = felt.fold(f64::INFINITY, f64::min).max(NOISE_DEVIATIONS * noise);
-    sign == ContactSign::Normal && wrenches.iter().all(|wrench| belief.surface().pressing_force(wrench) < -most)
+/// What seems to pull in free motion, as no surface can.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Pull {
+    since: Instant,
+    samples: u32,
+    /// Sum of the pressing forces of these samples as the joint positions show the tool's motion, N.
+    by_position: f64,
 }
 
-/// Whether the wrench has pulled for so long that the model must be wrong.
-pub(super) fn contradicts(pulled_since: Option<Instant>, now: Instant) -> Option<Cause> {
-    pulled_since.filter(|since| now.since(*since) >= BRIEF_PULL).map(|_| Cause::ModelDisagrees)
+impl Pull {
+    /// The pull after a sample of this `stamp`, by its pressing forces in N as q̇ and as the joint positions show the tool's motion;
+    /// `most`: a pull that is none, N.
+    pub(super) fn followed(
+        last: Option<Self>,
+        stamp: Instant,
+        [by_velocity, by_position]: [f64; 2],
+        most: f64,
+    ) -> Option<Self> {
+        let before = last.unwrap_or(Self { since: stamp, samples: 0, by_position: 0.0 });
+        let so_far =
+            Self { samples: before.samples.saturating_add(1), by_position: before.by_position + by_position, ..before };
+        (by_velocity < -most).then_some(so_far)
+    }
+
+    /// Whether it has lasted for so long that the model must be wrong. An arm that sets off or brakes shakes a tool whose inertia q̇ misses
+    /// where it is reported late: so the mean by the positions has to pull as well. (Each of them may be off by a coarse encoder.)
+    pub(super) fn contradicts(&self, now: Instant, most: f64) -> Option<Cause> {
+        let is_seen = self.by_position < -most * f64::from(self.samples);
+        (is_seen && now.since(self.since) >= BRIEF_PULL).then_some(Cause::ModelDisagrees)
+    }
+}
+
+/// How much a surface that can only be pressed may pull, N: β and `noise` (the standard deviation in N). Friction may turn the sign
+/// of one axis, never that of the force along the normal.
+pub(super) fn most_pull<const D: usize>(
+    sign: ContactSign,
+    thresholds: &Thresholds<D>,
+    noise: f64,
+    belief: &Belief<D>,
+) -> f64 {
+    if sign != ContactSign::Normal {
+        return f64::INFINITY;
+    }
+    let felt = belief.surface_signs().axes(&thresholds.admittance).map(|axis| thresholds.activation[axis]);
+    felt.fold(f64::INFINITY, f64::min).max(NOISE_DEVIATIONS * noise)
 }
 
 #[cfg(test)]

@@ -141,7 +141,7 @@ impl<const D: usize> Supervisor<D> {
             (ModeName::Free, mode @ Mode::Free { .. }) => mode,
             (ModeName::Free, before) => {
                 let bounced = if let Mode::Contact(memory) = before { memory.way_back(at) } else { None };
-                Mode::Free { pulled_since: None, bounced }
+                Mode::Free { pull: None, bounced }
             }
             (ModeName::Contact, mode @ Mode::Contact(_)) => mode,
             (ModeName::Contact, Mode::Free { bounced, .. }) => Mode::Contact(ContactMemory::new(bounced, at)),
@@ -226,14 +226,13 @@ impl<const D: usize> Supervisor<D> {
         let exceeded = guards.exceeded(belief.without_lag(), &sample.torque_band(), &limits);
         match &mut self.mode {
             // A touch is for the MPC to judge first: its stop knows what is attainable.
-            Mode::Free { pulled_since, .. } => {
-                measured.or(exceeded.filter(|_| !belief.contact().is_any())).or_else(|| {
-                    let wrenches = [&sample.wrench, &sample.wrench_by_position];
-                    let pulls = guards::pulls(*sign, thresholds, wrenches, noise, belief);
-                    *pulled_since = pulls.then(|| pulled_since.unwrap_or(sample.stamp));
-                    guards::contradicts(*pulled_since, sample.stamp)
-                })
-            }
+            Mode::Free { pull, .. } => measured.or(exceeded.filter(|_| !belief.contact().is_any())).or_else(|| {
+                let most = guards::most_pull(*sign, thresholds, noise, belief);
+                let forces = [&sample.wrench, &sample.wrench_by_position];
+                let forces = forces.map(|wrench| belief.surface().pressing_force(wrench));
+                *pull = guards::Pull::followed(*pull, sample.stamp, forces, most);
+                pull.and_then(|pull| pull.contradicts(sample.stamp, most))
+            }),
             Mode::Contact(memory) => measured.or(exceeded).or_else(|| {
                 let mismatches = guards.mismatches(&sample.wrench, noise, belief);
                 memory.mismatches = if mismatches { memory.mismatches + 1 } else { 0 };

@@ -3,6 +3,7 @@
 use admittance_vocabulary::{ModeName, StopReason};
 
 use super::contact_memory::{ContactMemory, Return};
+use super::guards::Pull;
 use crate::quantities::Instant;
 use crate::robot::Singular;
 
@@ -14,8 +15,8 @@ pub(crate) enum Mode<const D: usize> {
     Idle(Option<StopReason>),
     /// In control, no axis in contact.
     Free {
-        /// Since when the wrench pulls on the surface, if it does.
-        pulled_since: Option<Instant>,
+        /// What pulls as if it were the surface.
+        pull: Option<Pull>,
         /// The way back to a surface that the tool has bounced off.
         bounced: Option<Return>,
     },

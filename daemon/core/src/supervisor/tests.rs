@@ -25,7 +25,7 @@ fn policies() -> impl Iterator<Item = Policy> {
 fn mode(name: ModeName) -> Mode<2> {
     match name {
         ModeName::Idle => Mode::Idle(None),
-        ModeName::Free => Mode::Free { pulled_since: None, bounced: None },
+        ModeName::Free => Mode::Free { pull: None, bounced: None },
         ModeName::Contact => {
             let mut memory = ContactMemory::new(None, BEGUN);
             memory.unsolved = 2;

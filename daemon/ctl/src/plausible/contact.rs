@@ -33,7 +33,7 @@ pub struct Contact {
     pub is_at_risk: bool,
     /// Samples in which the controller counted a force above its limit.
     pub counted: u64,
-    /// Whether the controller took something else for a contact before the tool touched.
+    /// Whether the controller took something else for a contact, or for a surface that pulls, before the tool touched.
     pub is_mistaken: bool,
     /// Whether the tool touched, and every sample was used.
     pub is_complete: bool,

@@ -58,13 +58,27 @@ fn noise_is_neither_a_mismatch_nor_a_pull() {
     let mismatches = |force: f64, noise| GUARDS.mismatches(&pressing(force), noise, &belief);
     assert_eq!((mismatches(49.9, 0.0), mismatches(50.1, 0.0)), (false, true), "nothing is expected");
     assert_eq!((mismatches(49.9 + NOISE, 2.0), mismatches(50.1 + NOISE, 2.0)), (false, true));
-    let pulls_by = |forces: [f64; 2], noise| {
-        let [by_velocity, by_position] = forces.map(|force| pressing(-force));
-        super::pulls(parameters.sign, &parameters.thresholds, [&by_velocity, &by_position], noise, &belief)
+    let most_pull = |noise| most_pull(parameters.sign, &parameters.thresholds, noise, &belief);
+    assert_eq!((most_pull(0.0), most_pull(2.0)), (5.0, NOISE), "β, and noise");
+}
+
+#[test]
+fn a_pull_that_lasts_contradicts_by_both_ways_of_seeing_the_tool() {
+    const MOST: f64 = 5.0;
+    // Pressing forces by q̇ and by the positions, a sample each 1 ms: after how many they contradict.
+    let contradicts = |forces: &dyn Fn(u64) -> [f64; 2]| {
+        let mut pull = None;
+        (0..50).find(|&sample| {
+            let stamp = Instant::from_nanoseconds(sample * 1_000_000);
+            pull = Pull::followed(pull, stamp, forces(sample), MOST);
+            pull.is_some_and(|pull| pull.contradicts(stamp, MOST).is_some())
+        })
     };
-    let pulls = |force: f64, noise| pulls_by([force; 2], noise);
-    assert_eq!((pulls(4.9, 0.0), pulls(5.1, 0.0)), (false, true), "β");
-    assert_eq!((pulls(NOISE - 0.1, 2.0), pulls(NOISE + 0.1, 2.0)), (false, true));
-    // Either way of seeing the tool's motion may miss some of its inertia.
-    assert_eq!([[30.0, 4.9], [4.9, 30.0], [30.0, 5.1]].map(|forces| pulls_by(forces, 0.0)), [false, false, true]);
+    assert_eq!(contradicts(&|_| [-5.1; 2]), Some(5));
+    assert_eq!(contradicts(&|_| [-4.9; 2]), None);
+    assert_eq!(contradicts(&|sample| [if sample == 3 { 0.0 } else { -30.0 }; 2]), Some(9), "it begins anew");
+    assert_eq!(contradicts(&|_| [-30.0, -4.9]), None, "the tool's inertia, as q̇ misses it");
+    assert_eq!(contradicts(&|_| [-4.9, -30.0]), None, "as the positions miss it");
+    let by_encoder = |sample: u64| if sample % 2 == 0 { 20.0 } else { -40.0 };
+    assert_eq!(contradicts(&|sample| [-10.0, by_encoder(sample)]), Some(5), "a coarse encoder");
 }

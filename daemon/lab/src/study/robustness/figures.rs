@@ -35,7 +35,7 @@ pub(super) struct Counts {
     with_losses: usize,
     /// Stopped although full outward speed keeps the limit.
     false_stops: usize,
-    /// Something else taken for a contact before the tool touched.
+    /// Something else taken for a contact, or for a surface that pulls, before the tool touched.
     mistaken: usize,
     /// Above the limit without a stop, a verdict that it can't or may not be kept, or a sample that was counted.
     silent: usize,
