@@ -79,6 +79,6 @@ fn a_pull_that_lasts_contradicts_by_both_ways_of_seeing_the_tool() {
     assert_eq!(contradicts(&|sample| [if sample == 3 { 0.0 } else { -30.0 }; 2]), Some(9), "it begins anew");
     assert_eq!(contradicts(&|_| [-30.0, -4.9]), None, "the tool's inertia, as q̇ misses it");
     assert_eq!(contradicts(&|_| [-4.9, -30.0]), None, "as the positions miss it");
-    let by_encoder = |sample: u64| if sample % 2 == 0 { 20.0 } else { -40.0 };
+    let by_encoder = |sample: u64| if sample.is_multiple_of(2) { 20.0 } else { -40.0 };
     assert_eq!(contradicts(&|sample| [-10.0, by_encoder(sample)]), Some(5), "a coarse encoder");
 }
