@@ -4,7 +4,7 @@
 
 use admittance_host::robot_description::VelocityLoopDescription;
 use end_to_end::closed_loop::{Experiment, Run};
-use ipc_types::Mode;
+use ipc_types::{Mode, StopReason};
 
 const MASS_KG: f64 = 3.0;
 /// f_max in N, and what the linear model may miss of it.
@@ -78,5 +78,39 @@ fn a_velocity_that_is_reported_late_feigns_no_force_above_the_limit() {
             assert_eq!(run.stop_reason(), None, "{speed} m/s, contact at {share}");
             assert!(run.peak(1) <= MOST, "{speed} m/s, contact at {share}: peak {} N", run.peak(1));
         });
+    }
+}
+
+/// A stop for a pull asks the joint positions as well, since q̇ that is reported late misses the tool's inertia: a real one is found all
+/// the same, a cycle later than without the tool at most.
+#[test]
+fn a_surface_that_pulls_is_found_with_a_heavy_tool_too() {
+    for (sampling_time, speed) in [(0.004, 0.05), (0.001, 0.05), (0.001, 0.1)] {
+        let stopped_s = |mut experiment: Experiment| {
+            // The believed surface faces the other way.
+            experiment.config.environment.surface_normal =
+                experiment.config.environment.surface_normal.map(|part| -part);
+            (experiment.config.stopping.mismatch_n, experiment.config.stopping.force_guard_n) = (None, None);
+            experiment.scenario.robot.velocity_loop =
+                Some(VelocityLoopDescription { damping: None, dead_time_s: None, report_lag_s: 0.002 });
+            let mut after_touch = Vec::new();
+            experiment.at_instants(8, |share, run| {
+                let what = format!("{speed} m/s at {sampling_time} s, contact at {share}");
+                assert_eq!(run.stop_reason(), Some(StopReason::ModelDisagrees.code()), "{what}");
+                let stopping =
+                    run.instants.iter().find(|at| at.command.stop_reason != StopReason::NONE).expect("it stops");
+                let touched = run.instants.iter().find(|at| at.truth.peak_wrench != [0.0; 6]).expect("it touches");
+                after_touch.push(stopping.time() - touched.time());
+            });
+            after_touch
+        };
+        let (with_tool, without) =
+            (stopped_s(experiment(sampling_time, speed)), stopped_s(Experiment::paper(sampling_time, speed)));
+        println!(
+            "{speed} m/s at {sampling_time} s: stopped after {with_tool:.4?} s, without the tool after {without:.4?} s"
+        );
+        for (with_tool, without) in with_tool.into_iter().zip(without) {
+            assert!(with_tool <= without + 1.01 * sampling_time, "{with_tool} s, without the tool {without} s");
+        }
     }
 }

@@ -66,8 +66,9 @@ enum What {
         admittance-lab study robustness --seed 1 --index 17\n\n\
         Over limit: a true force above its limit by more than 0.5 N. Unattainable: full outward speed from the first active \
         sample on would not have kept it either. False stop: a stop although full outward speed keeps the limit. Mistaken: something \
-        else, such as the tool's inertia, taken for a contact, or for a surface that pulls, before the tool touched. Silent: over the limit without a stop, a verdict that is Infeasible or AtRisk, or a sample counted as exceeded. Losses count from 50 ms \
-        after the first touch.")]
+        else, such as the tool's inertia, taken for a contact, or for a surface that pulls, before the tool touched. \
+        Silent: over the limit without a stop, a verdict that is Infeasible or AtRisk, or a sample counted as exceeded. \
+        Losses count from 50 ms after the first touch.")]
     Robustness(robustness::Args),
     /// Press with six and seven joints for long, in many poses: the solver answers every cycle.
     #[command(after_help = "Examples:\n  admittance-lab study contact-cycles --cycles 10000000 --seed 1\n  \

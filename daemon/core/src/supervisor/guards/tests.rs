@@ -65,7 +65,7 @@ fn noise_is_neither_a_mismatch_nor_a_pull() {
 #[test]
 fn a_pull_that_lasts_contradicts_by_both_ways_of_seeing_the_tool() {
     const MOST: f64 = 5.0;
-    // Pressing forces by q̇ and by the positions, a sample each 1 ms: after how many they contradict.
+    // Pressing forces by q̇ and by the positions, a sample each 1 ms: which of them is the first to contradict, from 0.
     let contradicts = |forces: &dyn Fn(u64) -> [f64; 2]| {
         let mut pull = None;
         (0..50).find(|&sample| {
