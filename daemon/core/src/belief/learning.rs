@@ -2,6 +2,7 @@
 
 use nalgebra::SVector;
 
+use super::surface_set::ShownForce;
 use super::{Belief, ContactSign, Settings, SurfaceSet, Way};
 use crate::intake::Accepted;
 use crate::surface::Surface;
@@ -27,8 +28,13 @@ impl<const D: usize> Belief<D> {
             set.told_at(begins, libm::sqrt((away - deeper * deeper).max(0.0)));
         }
         let (pressing, beside) = surface.parts(&sample.wrench);
-        let feigned = sample.feigned_wrench.dot(&surface.normal);
-        set.follow(way, depth, (pressing, &beside, feigned), in_contact);
+        let shown = ShownForce {
+            pressing,
+            beside,
+            feigned: surface.pressing_force(&sample.feigned_wrench),
+            differing: surface.pressing_force(&sample.wrench_by_position) - pressing,
+        };
+        set.follow(way, depth, &shown, in_contact);
         if let Some(tilt) = set.take_tilt() {
             set.shift(surface.tilt(&tilt, position));
         }

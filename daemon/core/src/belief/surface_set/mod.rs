@@ -46,6 +46,9 @@ const FADING_PART: f64 = 0.2;
 /// and at most so many N, which a quarter of a kilogram weighs.
 const OFFSET_PART: f64 = 0.5;
 const OFFSET: f64 = 2.5;
+/// Time constant of what the tool's motion by q̇ differs from that by the positions, s: shorter than an arm takes to brake, and long against
+/// a cycle, from one of which to the next an encoder's steps cancel.
+const DIFFERING: f64 = 0.004;
 /// How long a touch takes from when it was noticed beyond the lag of f̂, s.
 const TOUCH: f64 = 0.020;
 /// Slope of a surface whose normal is told: one deviation of a plane that was aligned within a degree.
@@ -118,11 +121,26 @@ pub(crate) struct SurfaceSet {
     is_outside: bool,
     /// What f̂ still shows of a contact before, N.
     fading: f64,
+    /// How much less presses by q̇ than by the joint positions, on average of late, N.
+    differing: f64,
     /// A surface that begins here, for a force that no surface explains yet.
     unexplained: Spring,
     /// Greatest depth since the sample before, m.
     deepest: f64,
     risk: f64,
+}
+
+/// What f̂ shows of a surface, N.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ShownForce {
+    /// Along the inward normal.
+    pub pressing: f64,
+    /// Along the surface, base frame.
+    pub beside: Vector3<f64>,
+    /// What of `pressing` the tool may feign, with its sign.
+    pub feigned: f64,
+    /// How much less presses by q̇ than by the joint positions: of the tool's inertia, which they see in two ways.
+    pub differing: f64,
 }
 
 impl Tuning {
@@ -168,6 +186,7 @@ impl SurfaceSet {
             remembered: 0.0,
             is_outside: false,
             fading: 0.0,
+            differing: 0.0,
             unexplained: Spring { depth: 0.0, stiffness: least },
             deepest: f64::NEG_INFINITY,
             risk: prior.risk,
@@ -191,21 +210,16 @@ impl SurfaceSet {
     /// Forgets the surface, but for what was told.
     pub(crate) fn forget(&mut self) {
         (self.stage, self.harder) = (Stage::Touch(Touch::new()), None);
-        (self.tuning.range, self.remembered, self.fading) = (self.told, 0.0, 0.0);
+        (self.tuning.range, self.remembered) = (self.told, 0.0);
+        (self.fading, self.differing) = (0.0, 0.0);
         (self.is_outside, self.deepest) = (false, f64::NEG_INFINITY);
         self.tuning.depths = self.told_depths;
         self.tilt = Tilt::none();
     }
 
-    /// On to a sample at `depth` (m) that shows a pressing `force`, of which some may be `feigned` by the tool, and one
-    /// `beside` it, along the surface (N, base frame). Without a `way` from the sample before, everything begins anew.
-    pub(crate) fn follow(
-        &mut self,
-        way: Option<&Way>,
-        depth: f64,
-        (force, beside, feigned): (f64, &Vector3<f64>, f64),
-        in_contact: bool,
-    ) {
+    /// On to a sample at `depth` (m) that shows this force. Without a `way` from the sample before, everything begins anew.
+    pub(crate) fn follow(&mut self, way: Option<&Way>, depth: f64, shown: &ShownForce, in_contact: bool) {
+        let ShownForce { pressing: force, ref beside, feigned, differing } = *shown;
         let unexplained =
             |force: f64| Spring { depth: depth - force.max(0.0) / self.told.least, stiffness: self.told.least };
         let Some(way) = way else {
@@ -215,6 +229,7 @@ impl SurfaceSet {
         };
         self.deepest = way.deepest();
         let time = way.duration();
+        self.differing = differing + (self.differing - differing) * libm::exp(-time / DIFFERING);
         self.fading *= if self.tuning.lag > 0.0 { libm::exp(-time / self.tuning.lag) } else { 0.0 };
         self.remembered = (self.remembered - time).max(0.0);
         if self.remembered == 0.0 && !self.is_outside {
@@ -244,6 +259,9 @@ impl SurfaceSet {
                 }
             }
             Stage::Hold(hold) => {
+                // What is held is known well, and is not to follow a motion of the tool that only q̇ shows, or only the positions. A
+                // touch can't wait for that: it is over before they agree.
+                let weight = weight / (1.0 + weight * self.differing * self.differing);
                 let path = hold.turn(&way.beside, &self.tuning);
                 if self.tuning.learns_normal() {
                     self.tilt.path += path;

@@ -63,7 +63,8 @@ impl Slide<'_> {
             way.beside = moved - normal * normal.dot(&moved);
             let pressing = -normal.dot(&wrench);
             let beside = wrench + normal * pressing;
-            set.follow(Some(&way), along(&seen), (pressing, &beside, 0.0), pressing > 5.0);
+            let shown = ShownForce { pressing, beside, feigned: 0.0, differing: 0.0 };
+            set.follow(Some(&way), along(&seen), &shown, pressing > 5.0);
             if let Some(tilt) = set.take_tilt() {
                 let before = along(&seen);
                 normal = (normal + tilt).normalize();
