@@ -27,14 +27,7 @@ impl<const D: usize> Belief<D> {
             let (away, deeper) = ((position - told.contact.position).norm_squared(), depth - begins);
             set.told_at(begins, libm::sqrt((away - deeper * deeper).max(0.0)));
         }
-        let (pressing, beside) = surface.parts(&sample.wrench);
-        let shown = ShownForce {
-            pressing,
-            beside,
-            feigned: surface.pressing_force(&sample.feigned_wrench),
-            differing: surface.pressing_force(&sample.wrench_by_position) - pressing,
-        };
-        set.follow(way, depth, &shown, in_contact);
+        set.follow(way, depth, &ShownForce::of(sample, surface), in_contact);
         if let Some(tilt) = set.take_tilt() {
             set.shift(surface.tilt(&tilt, position));
         }

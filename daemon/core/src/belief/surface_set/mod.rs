@@ -23,10 +23,12 @@ mod cell;
 mod harder;
 mod hold;
 mod normal;
+mod shown_force;
 mod tilt;
 mod touch;
 
 pub(crate) use cell::Spring;
+pub(crate) use shown_force::ShownForce;
 
 use nalgebra::Vector3;
 
@@ -46,8 +48,8 @@ const FADING_PART: f64 = 0.2;
 /// and at most so many N, which a quarter of a kilogram weighs.
 const OFFSET_PART: f64 = 0.5;
 const OFFSET: f64 = 2.5;
-/// Time constant of what the tool's motion by q̇ differs from that by the positions, s: shorter than an arm takes to brake, and long against
-/// a cycle, from one of which to the next an encoder's steps cancel.
+/// Time constant of what the tool's motion by q̇ differs from that by the positions, s: shorter than an arm takes to brake, and no shorter
+/// than a cycle of 4 ms: an encoder's steps cancel from one to the next.
 const DIFFERING: f64 = 0.004;
 /// How long a touch takes from when it was noticed beyond the lag of f̂, s.
 const TOUCH: f64 = 0.020;
@@ -130,19 +132,6 @@ pub(crate) struct SurfaceSet {
     risk: f64,
 }
 
-/// What f̂ shows of a surface, N.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ShownForce {
-    /// Along the inward normal.
-    pub pressing: f64,
-    /// Along the surface, base frame.
-    pub beside: Vector3<f64>,
-    /// What of `pressing` the tool may feign, with its sign.
-    pub feigned: f64,
-    /// How much less presses by q̇ than by the joint positions: of the tool's inertia, which they see in two ways.
-    pub differing: f64,
-}
-
 impl Tuning {
     /// Whether the normal is learned.
     fn learns_normal(&self) -> bool {
@@ -210,8 +199,8 @@ impl SurfaceSet {
     /// Forgets the surface, but for what was told.
     pub(crate) fn forget(&mut self) {
         (self.stage, self.harder) = (Stage::Touch(Touch::new()), None);
-        (self.tuning.range, self.remembered) = (self.told, 0.0);
-        (self.fading, self.differing) = (0.0, 0.0);
+        self.tuning.range = self.told;
+        (self.remembered, self.fading, self.differing) = (0.0, 0.0, 0.0);
         (self.is_outside, self.deepest) = (false, f64::NEG_INFINITY);
         self.tuning.depths = self.told_depths;
         self.tilt = Tilt::none();

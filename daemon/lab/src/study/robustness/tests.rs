@@ -158,7 +158,7 @@ fn a_tool_that_sets_off_stops_no_arm() {
     }
 }
 
-/// Stopped at 0.2 to 0.9 of the limit, as a force that can't be kept below it or as a surface out of its range: the arm left a touch with
+/// Stopped at 0.18 to 0.85 of the limit, as a force that can't be kept below it or as a surface out of its range: the arm left a touch with
 /// all it had, f̂ by q̇ showed less than the joint positions did, and the surface that was held was taken for a harder one.
 #[test]
 fn a_tool_that_leaves_a_surface_does_not_make_it_harder() {
