@@ -1,6 +1,7 @@
-//! What is logged about cycles: each change of mode, each kind of fault at most once a second with
-//! its count.
+//! What is logged about cycles: each change of mode, each kind of fault or brief contact at most once a second
+//! with its count.
 
+mod brief_contacts;
 mod samples;
 
 use admittance_core::intake::{Arrival, SampleFault};
@@ -11,6 +12,7 @@ use admittance_runner::cycle::CycleReport;
 use ipc_types::{Mode, Motion, Side, StopReason, Verdict};
 
 use crate::channel::CycleRecord;
+use brief_contacts::BriefContacts;
 use samples::Samples;
 
 /// Least time in ns between two log lines about faults.
@@ -22,6 +24,7 @@ pub(crate) struct CycleLog {
     faults: u64,
     fault: String,
     samples: Samples,
+    brief_contacts: BriefContacts,
     logged_at: u64,
     limited: u64,
     dropped: u64,
@@ -45,6 +48,7 @@ impl CycleLog {
             self.fault = fault.to_string();
         }
         self.samples.cycle(record);
+        self.brief_contacts.cycle(record);
         self.limited += u64::from(record.report.limited);
     }
 
@@ -63,7 +67,8 @@ impl CycleLog {
         if dropped > self.dropped {
             tracing::warn!(count = dropped - self.dropped, "cycle records dropped: the service thread was too slow");
         }
-        if self.samples.flush() || self.faults > 0 || self.limited > 0 || dropped > self.dropped {
+        let is_said = [self.samples.flush(), self.brief_contacts.flush()].contains(&true);
+        if is_said || self.faults > 0 || self.limited > 0 || dropped > self.dropped {
             self.logged_at = now;
         }
         (self.faults, self.limited, self.dropped) = (0, 0, dropped);

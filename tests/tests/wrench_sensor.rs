@@ -120,6 +120,28 @@ fn at_the_end_of_its_range_it_is_bad_data() {
     assert!(blind.instants.iter().all(|at| at.report.fault.is_none()));
 }
 
+#[test]
+fn a_touch_of_nothing_is_told_of() {
+    undisturbed(|| {
+        let ipc = PrivateIpc::new("planar");
+        let weightless = |text: &str| text.replace("-9.81", "0.0");
+        // Half of what makes 2 kg as fast as the tool sets off is taken for a touch.
+        let told = weightless(COMPENSATION).replace("tool_mass_kg = 2.0", "tool_mass_kg = 1.0");
+        let config = write(&ipc, "daemon.toml", &configuration(&[("wrench", &told)]));
+        let mut daemon = start_daemon(&ipc, &config);
+        let motion = format!("[{{ duration_s = {MOTION_S:?}, twist = [0.0, -0.25] }}]");
+        let fast = [("sensor", weightless(SENSOR)), ("motion", motion)];
+        let truths =
+            run_plant(&ipc, &scenario(&ipc, &fast.each_ref().map(|(key, value)| (*key, value.as_str()))), |_| ());
+        assert!(truths.iter().any(|truth| truth.normal_force_n > 0.0), "it goes on to the surface");
+        for part in
+            ["a contact was over after", "N at most, when each kg of the tool made", "check wrench.tool_mass_kg"]
+        {
+            wait_for_log(&mut daemon, part);
+        }
+    });
+}
+
 /// The plant's true normal force at its peak and settled, of a contact of real processes; what the
 /// daemon says at the end.
 fn real_contact(sensor: &[(&str, &str)], compensation: &[(&str, &str)]) -> ([f64; 2], serde_json::Value) {
