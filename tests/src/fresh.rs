@@ -21,7 +21,7 @@ pub fn fresh(check: impl FnOnce(u64)) {
     let seed = u64::from(now.subsec_nanos());
     if catch_unwind(AssertUnwindSafe(|| check(seed))).is_err() {
         let test = std::thread::current().name().unwrap_or("test").to_owned();
-        say(&format!("FOUND: {SEED}={seed} cargo test -p end-to-end {test}"));
+        say(&format!("FOUND: {SEED}={seed} cargo test --release {test}"));
     }
 }
 

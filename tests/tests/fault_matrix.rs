@@ -1,7 +1,7 @@
 //! The fault matrix: one test per row and situation, named after both, and again with a motion controller in C; and the page that is written
 //! from the same table.
 //!
-//! `cargo test --test fault_matrix nan_` runs some; `ADMITTANCE_WRITE_DOCS=1` writes
+//! `cargo test --release --test fault_matrix nan_` runs some; `ADMITTANCE_WRITE_DOCS=1` writes
 //! `docs/faults.md`.
 
 use std::path::Path;

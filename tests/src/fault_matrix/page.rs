@@ -10,7 +10,7 @@ const HEAD: &str = "\
 # What goes wrong, and what happens then
 
 This page is written from the table that the tests run (`tests/src/fault_matrix`): every row, in free motion and in contact,
-through real processes that a third one watches. Do not edit it: `ADMITTANCE_WRITE_DOCS=1 cargo test -p end-to-end --test
+through real processes that a third one watches. Do not edit it: `ADMITTANCE_WRITE_DOCS=1 cargo test --release --test
 fault_matrix docs_page` writes it anew.
 
 The states of the command are *mode, motion, stop reason*, one after the other, from the last one before the fault to the

@@ -117,7 +117,9 @@ impl WarmStart {
     fn is(&self, layout: &Layout, working: &[RowState]) -> bool {
         let rows = &self.rows[..self.len];
         let holds = |(row, state): &(Row, RowState)| layout.number(row).is_some_and(|number| working[number] == *state);
-        let count = working.iter().filter(|state| **state != RowState::Inactive).count();
+        // A checked sum would count one by one.
+        let active = working.iter().map(|state| usize::from(*state != RowState::Inactive));
+        let count = active.fold(0, usize::wrapping_add);
         count == rows.len() && rows.iter().all(holds)
     }
 }

@@ -153,6 +153,6 @@ fn the_table_in_the_docs_is_that_of_decide() {
     if std::env::var_os("ADMITTANCE_WRITE_DOCS").is_some() {
         std::fs::write(&path, format!("{before}{begin}{expected}{end}{after}")).expect("docs can be written");
     } else {
-        assert_eq!(found, expected, "ADMITTANCE_WRITE_DOCS=1 cargo test -p admittance-core writes it");
+        assert_eq!(found, expected, "ADMITTANCE_WRITE_DOCS=1 cargo test --release -p admittance-core writes it");
     }
 }

@@ -4,7 +4,7 @@
 //! Where Clarabel is too coarse, double-double arithmetic decides ([`exact`]).
 //!
 //! # Fuzzing
-//! [`fuzzing`] makes small degenerate problems from bytes and checks the answers. `cargo test`
+//! [`fuzzing`] makes small degenerate problems from bytes and checks the answers. `cargo test --release`
 //! replays the corpus and some thousand random inputs; a fuzzer that follows coverage looks for
 //! more, on the stable toolchain (it wants a C++ compiler):
 //!

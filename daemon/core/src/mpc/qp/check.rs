@@ -31,9 +31,9 @@ fn pushed_slack(value: f64, lower: f64, upper: f64, multiplier: f64) -> f64 {
 
 /// The multipliers that are not zero, with their rows: few of many, so the others are passed over in groups.
 fn pushing(multipliers: &[f64]) -> impl Iterator<Item = (usize, f64)> {
-    let groups = multipliers.chunks(LANES).enumerate();
+    let groups = (0..multipliers.len()).step_by(LANES).zip(multipliers.chunks(LANES));
     let some = groups.filter(|(_, group)| group.iter().fold(false, |some, y| some | (*y != 0.0)));
-    some.flat_map(|(group, ys)| (group * LANES..).zip(ys.iter().copied())).filter(|(_, y)| *y != 0.0)
+    some.flat_map(|(first, ys)| (first..first + ys.len()).zip(ys.iter().copied())).filter(|(_, y)| *y != 0.0)
 }
 
 /// All bits of the lanes for which `is_in` is true: what is anything elsewhere, NaN as well, is zero with it.

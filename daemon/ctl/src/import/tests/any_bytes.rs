@@ -41,7 +41,7 @@ const PIECES: [&str; 24] = [
     "tcp",
 ];
 
-/// A run for longer: PROPTEST_CASES=100000 cargo test -p admittancectl --lib any_bytes
+/// A run for longer: PROPTEST_CASES=100000 cargo test --release -p admittancectl --lib any_bytes
 fn config() -> ProptestConfig {
     let cases = if std::env::var_os("PROPTEST_CASES").is_some() { ProptestConfig::default().cases } else { 100 };
     ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(cases) }
