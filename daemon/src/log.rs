@@ -8,6 +8,7 @@ use admittance_core::intake::{Arrival, SampleFault};
 use admittance_core::quantities::AXIS_NAMES;
 use admittance_host::clock::monotonic_ns;
 use admittance_host::config::{fixed, percent};
+use admittance_runner::config::Config;
 use admittance_runner::cycle::CycleReport;
 use ipc_types::{Mode, Motion, Side, StopReason, Verdict};
 
@@ -32,7 +33,7 @@ pub(crate) struct CycleLog {
 
 impl CycleLog {
     /// Takes note of a cycle.
-    pub(crate) fn cycle(&mut self, record: &CycleRecord) {
+    pub(crate) fn cycle(&mut self, record: &CycleRecord, config: &Config) {
         let command = &record.sample.command;
         let state = (command.mode, command.stop_reason);
         if self.last != Some(state) {
@@ -48,16 +49,19 @@ impl CycleLog {
             self.fault = fault.to_string();
         }
         self.samples.cycle(record);
-        self.brief_contacts.cycle(record);
+        self.brief_contacts.cycle(record, config);
         self.limited += u64::from(record.report.limited);
     }
 
     /// Logs what has accumulated, if it is time.
-    pub(crate) fn flush(&mut self, dropped: u64) {
-        let now = monotonic_ns();
-        if now.saturating_sub(self.logged_at) < FAULT_INTERVAL_NS {
-            return;
+    pub(crate) fn flush(&mut self, dropped: u64, config: &Config) {
+        if monotonic_ns().saturating_sub(self.logged_at) >= FAULT_INTERVAL_NS {
+            self.flush_now(dropped, config);
         }
+    }
+
+    /// Logs what has accumulated.
+    pub(crate) fn flush_now(&mut self, dropped: u64, config: &Config) {
         if self.faults > 0 {
             tracing::warn!(count = self.faults, "sample not used: {}", self.fault);
         }
@@ -67,9 +71,9 @@ impl CycleLog {
         if dropped > self.dropped {
             tracing::warn!(count = dropped - self.dropped, "cycle records dropped: the service thread was too slow");
         }
-        let is_said = [self.samples.flush(), self.brief_contacts.flush()].contains(&true);
+        let is_said = [self.samples.flush(), self.brief_contacts.flush(config)].contains(&true);
         if is_said || self.faults > 0 || self.limited > 0 || dropped > self.dropped {
-            self.logged_at = now;
+            self.logged_at = monotonic_ns();
         }
         (self.faults, self.limited, self.dropped) = (0, 0, dropped);
     }

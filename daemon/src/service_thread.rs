@@ -2,6 +2,7 @@
 //! watchdog. Runs as the process was started, its own node; it never touches the real-time thread
 //! except through the rings.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -101,9 +102,21 @@ impl ServiceThread {
             std::thread::sleep(if self.requests.are_pending() { BRIEF_TURN } else { TURN });
         }
         self.read_records();
+        self.log.flush_now(self.channel.progress.dropped(), &self.config);
         self.dismiss_requests();
         logging::tell_all_withheld();
         self.notify.stopping();
+    }
+
+    /// Like [`Self::run`]; a panic, which would be a bug, ends control as SIGTERM does in place of leaving the arm to whatever it was
+    /// doing. False then, and the real-time thread has still to end.
+    pub(crate) fn run_or_stop(&mut self, ended: impl FnMut() -> bool) -> bool {
+        let has_run = catch_unwind(AssertUnwindSafe(|| self.run(ended))).is_ok();
+        if !has_run {
+            // Nothing else of this thread is used any more.
+            let _ = self.channel.give(Order::Stop(Ending::Shutdown), u64::MAX);
+        }
+        has_run
     }
 
     fn take_signals(&mut self) {
@@ -140,10 +153,44 @@ impl ServiceThread {
             if is_sample || (is_cycle && record.sample.command.state_sequence > 0) {
                 self.diagnostics.cycle(&record);
                 self.free.cycle(&record.sample);
-                self.log.cycle(&record);
+                self.log.cycle(&record, &self.config);
                 self.last = Some(record);
             }
         }
-        self.log.flush(self.channel.progress.dropped());
+        self.log.flush(self.channel.progress.dropped(), &self.config);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::channel::channel;
+
+    #[test]
+    fn a_panic_ends_control_as_a_signal_does() {
+        let name = format!("panic{}", std::process::id());
+        let text = include_str!("../../deploy/demo/mpc-paper.toml");
+        let config: Config = admittance_host::config::parse(text, "mpc-paper.toml").expect("valid");
+        let root = Some(ipc_types::users_root_path().join(&name));
+        let settings = config.ipc.settings(None, root, Some(format!("{name}_"))).expect("a place of its own");
+        let node = settings.node("test").expect("a node");
+        let (mut realtime, service) = channel();
+        let signals = Signals::new([SIGHUP]).expect("signals can be caught");
+        let path = PathBuf::from("mpc-paper.toml");
+        let mut thread =
+            ServiceThread::open(node, &settings.instance, service, path, config, signals).expect("services");
+        let mut turns = 0;
+        let has_run = thread.run_or_stop(|| {
+            turns += 1;
+            assert!(turns < 3, "a bug");
+            false
+        });
+        assert!(!has_run);
+        let ticket = realtime.orders.pop().expect("an order");
+        assert!(matches!(ticket.order, Order::Stop(Ending::Shutdown)) && ticket.until_ns == u64::MAX);
+        // Ended in good order it orders nothing.
+        assert!(thread.run_or_stop(|| true) && realtime.orders.pop().is_err());
+        drop(thread);
+        ipc_types::remove_all(&settings).expect("removed");
     }
 }

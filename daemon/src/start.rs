@@ -121,10 +121,13 @@ fn run(args: Args, signals: Signals) -> Result<ExitCode, (ExitCode, String)> {
     drop(opening);
     // Only now may the arm be controlled: until here the process may end at any moment.
     let _ = go.send(());
-    service.run(|| handle.is_finished());
+    let has_served = service.run_or_stop(|| handle.is_finished());
     let code = handle.join().unwrap_or(ExitCode::Internal);
     if code == ExitCode::Internal {
         return Err((code, "the real-time thread failed; the last command was Hold".to_owned()));
+    }
+    if !has_served {
+        return Err((ExitCode::Internal, "the service thread failed; control was ended as by SIGTERM".to_owned()));
     }
     tracing::info!("ended");
     Ok(code)

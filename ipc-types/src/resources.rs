@@ -31,7 +31,7 @@ impl Needed {
         }
         let limit = descriptor_limit();
         // One more is open while they are counted.
-        let open = std::fs::read_dir("/proc/self/fd").map_or(limit, |open| open.count() as u64 - 1);
+        let open = std::fs::read_dir("/proc/self/fd").map_or(limit, |open| (open.count() as u64).saturating_sub(1));
         let left = limit.saturating_sub(open);
         if left < self.descriptors {
             return Err(Lacking::Descriptors { left, limit, needed: self.descriptors });
@@ -77,7 +77,7 @@ pub fn shared_memory_bytes() -> Option<u64> {
         let mut status: libc::statvfs = std::mem::zeroed();
         (libc::statvfs(c"/dev/shm".as_ptr(), &raw mut status) == 0).then_some(status)
     };
-    status.map(|status| status.f_bavail * status.f_frsize)
+    status.map(|status| status.f_bavail.saturating_mul(status.f_frsize))
 }
 
 /// Most files that this process may have open.

@@ -213,12 +213,12 @@ impl Tally {
         if last_boot != boot_id {
             return Some(format!("admittanced has restarted: its records begin anew with {sequence}"));
         }
-        let lost = sequence.saturating_sub(last + 1);
+        let lost = sequence.saturating_sub(last.saturating_add(1));
         if lost == 0 {
             return None;
         }
         self.gaps += 1;
-        self.lost += lost;
+        self.lost = self.lost.saturating_add(lost);
         Some(format!("gap: {lost} records before record {sequence} came too fast for this process or the daemon"))
     }
 

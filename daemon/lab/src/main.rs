@@ -14,6 +14,7 @@ mod answers;
 mod bench;
 mod flood;
 mod hostile;
+mod keys;
 mod soak;
 mod study;
 

@@ -67,7 +67,7 @@ impl<const N: usize, const D: usize> ToolMotion<N, D> {
     /// run of the motion controller, and after a pause, the tool counts as steady.
     pub(super) fn followed(&self, settings: &Settings<N, D>, sample: &Sample<N, D>, posture: &Posture<N, D>) -> Self {
         if settings.conditioning.tool_mass == 0.0 {
-            return *self;
+            return Self::steady();
         }
         let center = &settings.conditioning.tool_center_of_gravity;
         let at = |velocity: &SVector<f64, N>, felt| Moved::at(center, posture, velocity, felt);

@@ -63,7 +63,7 @@ impl Form {
                         _ => bounded.instant..bounded.instant + 1,
                     };
                     let columns: Vec<usize> = acting.flat_map(|step| rows.inputs_of(step)).collect();
-                    debug_assert!(
+                    assert!(
                         (0..n).all(|column| coefficients[column] == 0.0 || columns.contains(&column)),
                         "{bounded:?}: every input that acts is in the form"
                     );

@@ -13,6 +13,8 @@ use plant_sim::scenario::Scenario;
 use serde_json::json;
 use toml::{Table as Toml, Value};
 
+use crate::keys::{parsed, real_time, set};
+
 use super::jitter::figures::Durations;
 use super::jitter::{DAEMON_CPU, PLANT_CPU, PRIORITY, on_processor, prepare};
 use admittancectl::session::Session;
@@ -220,23 +222,6 @@ fn awaits(session: &mut Session) -> Outcome<SocketAddr> {
         }
         std::thread::sleep(POLL);
     }
-}
-
-fn parsed(text: &str) -> Outcome<Toml> {
-    text.parse().map_err(|error: toml::de::Error| (Exit::Internal, error.to_string()))
-}
-
-fn set(table: &mut Toml, section: &str, key: &str, value: impl Into<Value>) {
-    let section = table.entry(section).or_insert_with(|| Value::Table(Toml::new()));
-    if let Some(section) = section.as_table_mut() {
-        section.insert(key.to_owned(), value.into());
-    }
-}
-
-fn real_time(table: &mut Toml, priority: u32, cpu: u32) {
-    set(table, "realtime", "lock_memory", true);
-    set(table, "realtime", "priority", i64::from(priority));
-    set(table, "realtime", "cpu", i64::from(cpu));
 }
 
 /// What is shipped; what a busy machine does to the daemon is counted, and is not to end the run.

@@ -6,6 +6,7 @@ use rand::{Rng, RngExt as _};
 use toml::{Table, Value};
 
 use super::arena::parsed;
+use crate::keys::{self, set};
 use admittancectl::{Exit, Outcome};
 
 /// Configuration and scenario of an arm; whether its rate may be another one.
@@ -46,8 +47,8 @@ impl Cell {
     /// Every second one is the planar arm, whose rate and detection vary.
     pub(crate) fn draw(random: &mut impl Rng) -> Outcome<Self> {
         let (config, scenario, any_rate) = ARMS[[0, 0, 1, 2][random.random_range(0..4)]];
-        let mut config = table(config)?;
-        let mut touch = table(scenario)?;
+        let mut config = keys::parsed(config)?;
+        let mut touch = keys::parsed(scenario)?;
         let shipped = config["control"]["sampling_time_s"].as_float().unwrap_or(RATES[0]);
         let period = if any_rate { RATES[random.random_range(0..RATES.len())] } else { shipped };
         let delay = period * 0.5;
@@ -61,15 +62,15 @@ impl Cell {
         ];
         control.into_iter().for_each(|(key, value): (&str, Value)| set(&mut config, "control", key, value));
         for table in [&mut config, &mut touch] {
-            set(table, "ipc", "instance", "planar".into());
+            set(table, "ipc", "instance", "planar");
         }
         if random.random_bool(0.25) {
-            set(&mut config, "environment", "contact", "detected".into());
+            set(&mut config, "environment", "contact", "detected");
         }
         for (key, value) in [("sampling_time_s", period), ("command_delay_s", delay), ("settle_s", 0.05)] {
-            set(&mut touch, "timing", key, value.into());
+            set(&mut touch, "timing", key, value);
         }
-        set(&mut touch, "start", "contact_time_s", 0.2.into());
+        set(&mut touch, "start", "contact_time_s", 0.2);
         let mut air = touch.clone();
         air.remove("surface");
         if let Some(Value::Table(start)) = air.get_mut("start") {
@@ -83,7 +84,7 @@ impl Cell {
     /// A touch at a drawn speed and instant.
     pub(crate) fn touch(&self, random: &mut impl Rng) -> Outcome<Scenario> {
         let mut touch = self.touch.clone();
-        set(&mut touch, "start", "contact_phase", random.random_range(0.0..1.0).into());
+        set(&mut touch, "start", "contact_phase", random.random_range(0.0..1.0));
         let factor: f64 = random.random_range(0.2..1.5);
         for phase in touch.get_mut("motion").and_then(Value::as_array_mut).into_iter().flatten() {
             for speed in phase.get_mut("twist").and_then(Value::as_array_mut).into_iter().flatten() {
@@ -108,18 +109,6 @@ fn still(scenario: &mut Table) {
 fn scenario_of(table: &Table) -> Outcome<Scenario> {
     let parsed = admittance_host::config::parse(&table.to_string(), "scenario.toml");
     parsed.map_err(|error| (Exit::Internal, error.to_string()))
-}
-
-fn table(text: &str) -> Outcome<Table> {
-    text.parse().map_err(|error: toml::de::Error| (Exit::Internal, error.to_string()))
-}
-
-/// Sets a key; a section that is not there is added.
-pub(crate) fn set(table: &mut Table, section: &str, key: &str, value: Value) {
-    let section = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
-    if let Some(section) = section.as_table_mut() {
-        section.insert(key.to_owned(), value);
-    }
 }
 
 #[cfg(test)]

@@ -11,12 +11,13 @@ use ipc_types::{
 use rand::{Rng, RngExt as _};
 
 use super::arena::{Arena, Findings, PATIENCE, in_arena};
-use super::cell::{Cell, set};
+use super::cell::Cell;
 use super::controller::{Controller, Delivery};
 use super::spoil::{EDGES, STRANGE};
 use super::watch::Watch;
 use super::{Count, Counts};
 use crate::answers::Bounds;
+use crate::keys::{self, set};
 use admittancectl::{Exit, Outcome};
 
 /// Requests of one case.
@@ -186,10 +187,8 @@ pub(crate) fn draw(random: &mut impl Rng) -> RequestSample {
 
 /// The cell with all that requests may change, within bounds; and the bounds of the force limits.
 pub(super) fn permit(cell: &mut Cell) -> Outcome<Vec<(f64, f64)>> {
-    let failed = |error: toml::de::Error| (Exit::Internal, error.to_string());
-    let mut table: toml::Table = cell.text.parse().map_err(failed)?;
-    let allowed: toml::Table = ALLOWED.parse().map_err(failed)?;
-    allowed.into_iter().for_each(|(key, value)| set(&mut table, "requests", &key, value));
+    let mut table = keys::parsed(&cell.text)?;
+    keys::parsed(ALLOWED)?.into_iter().for_each(|(key, value)| set(&mut table, "requests", &key, value));
     let limits = cell.config.contact.force_limit.clone();
     let minimum = &cell.config.contact.minimum_force;
     // Above what the rest of the configuration needs on every axis, or not: both are refused well.
@@ -198,7 +197,7 @@ pub(super) fn permit(cell: &mut Cell) -> Outcome<Vec<(f64, f64)>> {
     set(&mut table, "requests", "force_limit_min", list(|(low, _)| *low));
     set(&mut table, "requests", "force_limit_max", list(|(_, high)| *high));
     let damping = vec![toml::Value::Float(500.0); limits.len()];
-    set(&mut table, "damping", "damping_n_s_m", damping.into());
+    set(&mut table, "damping", "damping_n_s_m", damping);
     cell.text = table.to_string();
     cell.config = super::arena::parsed(&cell.text)?;
     Ok(bounds)

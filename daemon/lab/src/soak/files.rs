@@ -2,6 +2,8 @@
 
 use toml::{Table, Value};
 
+use crate::keys::{parsed, set};
+
 use super::injection::{CONTACT_S, Fault, PRESSES_S, RETREATS_S, STANDS_AT_MOST_S, Touch};
 use admittancectl::Outcome;
 use admittancectl::demo::{CONTROLLERS, SCENARIO};
@@ -59,16 +61,6 @@ pub(super) fn scenario(touch: &Touch, fault: Option<Fault>) -> Outcome<String> {
         table.insert("fault".to_owned(), Value::Array(vec![Value::Table(fault)]));
     }
     Ok(table.to_string())
-}
-
-fn parsed(text: &str) -> Outcome<Table> {
-    text.parse().map_err(|error: toml::de::Error| (admittancectl::Exit::Internal, error.to_string()))
-}
-
-fn set(table: &mut Table, section: &str, key: &str, value: f64) {
-    if let Some(section) = table.get_mut(section).and_then(Value::as_table_mut) {
-        section.insert(key.to_owned(), value.into());
-    }
 }
 
 #[cfg(test)]

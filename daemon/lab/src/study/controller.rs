@@ -9,7 +9,6 @@ use admittance_runner::config::Config;
 use nalgebra::Rotation3;
 use plant_sim::run::VirtualRun;
 use plant_sim::scenario::Scenario;
-use toml::{Table, Value};
 
 use super::arm::{Arm, Joint, Kind, PlanarTwo};
 use super::draw::{ACTIVATION_THRESHOLD_N, AFTER_CONTACT_S, APPROACH_S, Draw, LONGEST_STOP_S};
@@ -265,14 +264,6 @@ fn arm_sections(draw: &Draw) -> String {
             let _ = write!(text, "[robot.tool]\norigin_m = {origin:?}\norigin_rpy_rad = {rpy:?}\n");
             text
         }
-    }
-}
-
-/// A value of a table of tables.
-pub(crate) fn set(table: &mut Table, section: &str, key: &str, value: impl Into<Value>) {
-    let entry = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
-    if let Value::Table(entry) = entry {
-        entry.insert(key.to_owned(), value.into());
     }
 }
 

@@ -29,7 +29,8 @@ fn pushed_slack(value: f64, lower: f64, upper: f64, multiplier: f64) -> f64 {
     if multiplier >= 0.0 { upper - value } else { value - lower }
 }
 
-/// The multipliers that are not zero, with their rows: few of many, so the others are passed over in groups.
+/// The multipliers that are not zero, with their rows: few of many, so the others are passed over in groups. (Rows are counted by
+/// ranges: a checked sum for each would keep the groups from being compared at once.)
 fn pushing(multipliers: &[f64]) -> impl Iterator<Item = (usize, f64)> {
     let groups = (0..multipliers.len()).step_by(LANES).zip(multipliers.chunks(LANES));
     let some = groups.filter(|(_, group)| group.iter().fold(false, |some, y| some | (*y != 0.0)));

@@ -10,6 +10,8 @@ use ipc_types::{Motion, Subscriber, TruthSample};
 use plant_sim::scenario::Scenario;
 use toml::{Table, Value};
 
+use crate::keys::{parsed, real_time, set};
+
 use super::arms::Motion as Way;
 use super::figures::{Durations, Parts};
 use super::observed::CycleParts;
@@ -273,22 +275,6 @@ fn scenario(plan: Plan, surface: Surface) -> Result<(Scenario, String), (Exit, S
     let scenario =
         admittance_host::config::parse(&text, "scenario.toml").map_err(|error| (Exit::Internal, error.to_string()))?;
     Ok((scenario, text))
-}
-
-fn parsed(text: &str) -> Result<Table, (Exit, String)> {
-    text.parse().map_err(|error: toml::de::Error| (Exit::Internal, error.to_string()))
-}
-
-fn set(table: &mut Table, section: &str, key: &str, value: impl Into<Value>) {
-    if let Some(section) = table.get_mut(section).and_then(Value::as_table_mut) {
-        section.insert(key.to_owned(), value.into());
-    }
-}
-
-fn real_time(table: &mut Table, priority: u32, cpu: u32) {
-    set(table, "realtime", "lock_memory", true);
-    set(table, "realtime", "priority", i64::from(priority));
-    set(table, "realtime", "cpu", i64::from(cpu));
 }
 
 #[cfg(test)]

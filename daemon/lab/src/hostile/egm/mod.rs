@@ -14,8 +14,8 @@ use ipc_types::{Mode, Node, RequestKind, RequestSample};
 use rand::{Rng, RngExt as _};
 
 use super::arena::{Arena, Findings, PATIENCE, POLL, in_arena, parsed};
-use super::cell::set;
 use super::{Count, Counts};
+use crate::keys::{self, set};
 use admittancectl::request::request;
 use admittancectl::{Exit, Outcome};
 use draw::{Datagram, Sender, draw, draw_harmless};
@@ -50,28 +50,26 @@ pub(super) fn case(
 }
 
 fn daemon_file() -> Outcome<String> {
-    let mut table: toml::Table =
-        DAEMON.parse().map_err(|error: toml::de::Error| (Exit::Internal, error.to_string()))?;
+    let mut table = keys::parsed(DAEMON)?;
     // What a busy machine needs.
     for (key, value) in [("answer_budget_s", 0.0028), ("max_sample_age_s", 0.1)] {
-        set(&mut table, "control", key, value.into());
+        set(&mut table, "control", key, value);
     }
     ordinary_with_locked_memory(&mut table);
-    set(&mut table, "ipc", "instance", "planar".into());
+    set(&mut table, "ipc", "instance", "planar");
     Ok(table.to_string())
 }
 
 /// Memory that is not locked becomes the process's own bit by bit as it is first used, and seems to grow.
 fn ordinary_with_locked_memory(table: &mut toml::Table) {
-    for (key, value) in [("lock_memory", true.into()), ("priority", 0.into())] {
-        set(table, "realtime", key, value);
-    }
+    set(table, "realtime", "lock_memory", true);
+    set(table, "realtime", "priority", 0);
 }
 
 fn edge_file() -> Result<(String, EdgeConfig), String> {
     let mut table: toml::Table = EDGE.parse().map_err(|error: toml::de::Error| error.to_string())?;
-    set(&mut table, "egm", "listen", "127.0.0.1:0".into());
-    set(&mut table, "egm", "robot_address", "127.0.0.1".into());
+    set(&mut table, "egm", "listen", "127.0.0.1:0");
+    set(&mut table, "egm", "robot_address", "127.0.0.1");
     ordinary_with_locked_memory(&mut table);
     let text = table.to_string();
     let config = admittance_host::config::parse(&text, "edge.toml").map_err(|error| error.to_string())?;

@@ -10,8 +10,8 @@ use plant_sim::run::VirtualRun;
 use plant_sim::scenario::{MotionSection, Scenario};
 use toml::{Table, Value};
 
-use super::super::controller::set;
 use super::draw::{Cell, numbers};
+use crate::keys::set;
 
 /// Touches at these speeds, m/s, and how long they press, s.
 const TOUCHES_M_S: [f64; 3] = [0.04, 0.06, 0.08];

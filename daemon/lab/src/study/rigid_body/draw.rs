@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use toml::{Table, Value};
 
-use super::super::controller::set;
+use crate::keys::set;
 
 /// The kinds of arms, which take turns.
 pub(super) const KINDS: [&str; 3] = ["planar", "six joints", "seven joints"];

@@ -10,8 +10,8 @@ use plant_sim::scenario::Scenario;
 use serde::Serialize;
 use toml::{Table, Value};
 
-use super::super::controller::set;
 use super::draw::{Cell, Contact};
+use crate::keys::set;
 
 /// What a run showed. Forces are true normal forces in N.
 #[derive(Debug, Clone, Copy, Default, Serialize)]

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::super::statistics::Distribution;
 use super::{Faults, Run, SPEEDS, Told};
 
-/// Bad runs that the text shows, at most.
+/// Bad runs that the text shows, at most, and mistaken ones.
 const MOST_EXAMPLES: usize = 10;
 
 /// The figures of some runs.
@@ -138,7 +138,7 @@ pub(super) struct Figures {
     /// Each of them.
     pub(super) bad_runs: Vec<Bad>,
     /// The commands that show those again in which something else was taken for a contact.
-    mistaken_runs: Vec<String>,
+    pub(super) mistaken_runs: Vec<String>,
     /// The commands that show silent ones again.
     silent_runs: Vec<String>,
 }
@@ -245,10 +245,11 @@ impl Figures {
             commands.map(|command| format!("\n  {command}")).collect::<String>()
         };
         let examples = lines(&mut self.bad_runs.iter().map(|run| &run.command).take(MOST_EXAMPLES));
-        let silent = lines(&mut self.silent_runs.iter());
-        let silent = if silent.is_empty() { silent } else { format!("\nSilent:{silent}") };
+        let said = |name: &str, lines: String| if lines.is_empty() { lines } else { format!("\n{name}:{lines}") };
+        let mistaken = said("Mistaken, for example", lines(&mut self.mistaken_runs.iter().take(MOST_EXAMPLES)));
+        let silent = said("Silent", lines(&mut self.silent_runs.iter()));
         format!(
-            "{table}\n{} of {} runs are bad (seed {}){}{examples}{silent}\nBad with one cause alone, good without it:{causes}",
+            "{table}\n{} of {} runs are bad (seed {}){}{examples}{mistaken}{silent}\nBad with one cause alone, good without it:{causes}",
             self.bad,
             self.all.runs,
             self.seed,

@@ -1,5 +1,7 @@
 //! The study's own promises, and the contacts that it has found.
 
+use std::sync::OnceLock;
+
 use clap::Parser;
 
 use super::*;
@@ -41,9 +43,11 @@ fn an_arm_that_may_follow_late_keeps_its_limit() {
     }
 }
 
-/// The cell of this name, with the speeds that one is given.
+/// The cell of this name, with the speeds that one is given, which takes seconds to find.
 fn cell_of(name: &str) -> Cell {
-    cells::with_speeds(&[name], 1).unwrap().remove(0).1
+    static CELLS: [OnceLock<Cell>; cells::NAMES.len()] = [const { OnceLock::new() }; cells::NAMES.len()];
+    let cell = &CELLS[cells::NAMES.iter().position(|of| *of == name).unwrap()];
+    cell.get_or_init(|| cells::with_speeds(&[name], 1).unwrap().remove(0).1).clone()
 }
 
 /// A touch at half speed, of a controller that is told what the study tells.
@@ -79,7 +83,6 @@ fn an_arm_that_brakes_earlier_than_told_is_not_stopped() {
 /// soft surface.
 #[test]
 fn a_contact_is_not_lost_while_its_force_settles() {
-    let cells = cells::with_speeds(&cells::NAMES, 1).unwrap();
     for (name, seed, index) in [
         ("six joints, 1 ms", 33_441, 153),
         ("six joints, 1 ms", 33_441, 603),
@@ -87,8 +90,7 @@ fn a_contact_is_not_lost_while_its_force_settles() {
         ("planar, 1 ms", 640_021, 295),
         ("six joints, 1 ms", 640_021, 711),
     ] {
-        let (_, cell) = cells.iter().find(|(of, _)| *of == name).unwrap();
-        let contact = at_half_speed(cell, seed, index);
+        let contact = at_half_speed(&cell_of(name), seed, index);
         assert_eq!((contact.stop_reason, contact.late_losses), (None, 0), "{seed} {index}: {contact:?}");
     }
 }
@@ -216,7 +218,7 @@ fn what_the_page_says_to_tell_is_told() {
 #[test]
 fn an_example_is_the_command_that_shows_the_run_again() {
     const SEED: u64 = 3;
-    let cells = cells::with_speeds(&["planar, 4 ms"], 1).unwrap();
+    let cells = [("planar, 4 ms", cell_of("planar, 4 ms"))];
     let cell = Some("planar, 4 ms".to_owned());
     let exact = Told { exact: true, ..Told::default() };
     let all = Told {
@@ -232,7 +234,14 @@ fn an_example_is_the_command_that_shows_the_run_again() {
     for told in [Told::default(), exact, all] {
         let mut run = one(&cells[0], 0.5, SEED, 5).unwrap();
         run.contact.late_losses += 1;
-        let bad = Figures::of(SEED, &told, &cells, &[run]).bad_runs;
+        run.contact.is_mistaken = true;
+        let figures = Figures::of(SEED, &told, &cells, &[run]);
+        let (bad, text) = (&figures.bad_runs, figures.table());
+        for name in ["1 of 1 runs are bad (seed 3)", "Mistaken"] {
+            let said =
+                format!("{name}, for example{}\n  {}", if name == "Mistaken" { ":" } else { "" }, bad[0].command);
+            assert!(text.contains(&said), "{said}: {text}");
+        }
         let words = bad[0].command.split('"').enumerate().flat_map(|(part, text)| {
             let quoted = part % 2 == 1;
             if quoted { vec![text] } else { text.split_whitespace().collect() }
@@ -242,4 +251,15 @@ fn an_example_is_the_command_that_shows_the_run_again() {
         let Command { args } = Command::parse_from(&words[2..]);
         assert_eq!((args.seed, args.told, args.index), (SEED, told, Some(5)));
     }
+}
+
+#[test]
+fn a_run_that_is_shown_again_tells_its_world_and_its_cycles() {
+    let told = describe(&("planar, 4 ms", cell_of("planar, 4 ms")), SPEEDS[1], 1, 0).unwrap();
+    let (head, cycles) = told.split_once("ms: largest true force").expect(&told);
+    assert!(head.starts_with("planar, 4 ms, 0.5 of its speed: ") && head.contains("outward: "), "{head}");
+    // Every cycle of a tenth of a second, the first one that of the touch.
+    let lines: Vec<&str> = cycles.lines().skip(1).collect();
+    assert!(lines.len() == 25 && lines[0].starts_with("   0.0: ") && lines[1].starts_with("   4.0: "), "{cycles}");
+    assert!(lines.iter().any(|line| line.contains("Contact")), "{cycles}");
 }

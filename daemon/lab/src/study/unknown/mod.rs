@@ -13,8 +13,9 @@ use toml::Table;
 
 use super::attainable::Contact;
 use super::closed_loop;
-use super::controller::{self, ACTIVATION_THRESHOLD_N_M, Profile, Variant, set};
+use super::controller::{self, ACTIVATION_THRESHOLD_N_M, Profile, Variant};
 use super::draw::{ACTIVATION_THRESHOLD_N, AnyArm, Arms, Draw, SOFTEST_N_M};
+use crate::keys::set;
 use figures::Figures;
 pub(crate) use not_as_told::{NotAsTold, noise, risk};
 use run::Seen;

@@ -6,8 +6,8 @@ use std::ops::RangeInclusive;
 use serde::Serialize;
 use toml::Table;
 
-use super::super::controller::set;
 use super::super::draw::Draw;
+use crate::keys::set;
 
 /// By how much the worlds are not as they are told.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, clap::Args)]
