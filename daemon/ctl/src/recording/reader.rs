@@ -68,7 +68,13 @@ impl Recording {
         let contents = scan(&bytes);
         if contents.metadata.is_empty() && contents.configurations.is_empty() {
             let is_mcap = bytes.starts_with(mcap::MAGIC);
-            return Err(foreign(if is_mcap { "an MCAP file of another program" } else { "not an MCAP file" }));
+            return Err(foreign(&match contents.damages.first() {
+                _ if !is_mcap => "not an MCAP file".to_owned(),
+                None => "an MCAP file of another program".to_owned(),
+                Some(first) => {
+                    format!("an MCAP file of another program, or nothing is left that says what it is: {first}")
+                }
+            }));
         }
         let mut recording = Self { name: name.to_owned(), bytes, contents, record_version: PRESENT_RECORD_VERSION };
         recording.find_record_version();

@@ -156,7 +156,11 @@ fn too_long(bytes: &[u8], at: usize) -> Fault {
     let opcode = fields.take(1).map(|opcode| opcode[0]);
     let may_break_off = match (opcode, fields.length()) {
         (Some(op::CHUNK), Some(length)) => Chunk::may_break_off(length, fields.0),
-        (Some(op::HEADER | op::METADATA | op::ATTACHMENT | op::MESSAGE_INDEX | op::DATA_END), Some(_)) => true,
+        // What ends within the fields at its beginning can't be held against anything.
+        (
+            Some(opcode @ (op::HEADER | op::METADATA | op::ATTACHMENT | op::MESSAGE_INDEX | op::DATA_END)),
+            Some(length),
+        ) => length_by_fields(opcode, fields.0).map_or(fields.0.len() < length, |found| found == length),
         (_, None) => true,
         (_, Some(_)) => false,
     };
@@ -165,6 +169,33 @@ fn too_long(bytes: &[u8], at: usize) -> Fault {
     } else {
         Fault::Damaged("a record of a kind or a length that no recording has here")
     }
+}
+
+/// How long the fields at the beginning of a body say that it is; `None` where they are not all there.
+fn length_by_fields(opcode: u8, beginning: &[u8]) -> Option<usize> {
+    let mut fields = Fields(beginning);
+    let behind = match opcode {
+        op::HEADER => {
+            let (_profile, _library) = (fields.text()?, fields.text()?);
+            0
+        }
+        op::METADATA => {
+            let _name = fields.text()?;
+            fields.u32()? as usize
+        }
+        op::ATTACHMENT => {
+            let _times = (fields.u64()?, fields.u64()?);
+            let (_name, _media_type) = (fields.text()?, fields.text()?);
+            fields.length()?.saturating_add(size_of::<u32>())
+        }
+        op::MESSAGE_INDEX => {
+            let _channel = fields.u16()?;
+            fields.u32()? as usize
+        }
+        op::DATA_END => size_of::<u32>(),
+        _ => return None,
+    };
+    Some((beginning.len() - fields.0.len()).saturating_add(behind))
 }
 
 /// Whether something begins here that must have been written so: it has a checksum.

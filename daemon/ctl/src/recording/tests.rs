@@ -141,6 +141,51 @@ fn a_bit_that_flips_in_a_file_that_breaks_off_changes_nothing_or_is_noticed() {
     }
 }
 
+/// `admittance-lab hostile recordings --seed 28003 --index 2236`: in a file that broke off in the chunk behind it, a
+/// configuration whose length led beyond the end seemed to be what broke off, and was lost without a word.
+#[test]
+fn a_length_that_leads_beyond_where_a_file_breaks_off_is_noticed() {
+    let mut whole = Vec::new();
+    let mut writer = RecordingWriter::new(&mut whole, "planar", "a = 1").expect("memory takes all");
+    for sequence in 1..=3 {
+        writer.record(&record(sequence)).expect("memory takes all");
+        writer.configuration(sequence, "b = 2").expect("memory takes all");
+        writer.flush().expect("memory takes all");
+    }
+    std::mem::forget(writer);
+    let (mut records, mut at) = (Vec::new(), mcap::MAGIC.len());
+    while let Some(found) = fields::record(&whole, at) {
+        records.push(at..found.end);
+        at = found.end;
+    }
+    assert!(records.len() > 8, "{records:?}");
+    let record_bits = |recording: &Recording| (sequences(recording), recording.configurations().clone());
+    let mut noticed = 0;
+    // The first ones say what it is.
+    for last in 3..records.len() {
+        let cut = &whole[..records[last].start + records[last].len() * 2 / 3];
+        let before = record_bits(&open(cut.to_vec()));
+        for (record, bit) in records[..last].iter().flat_map(|record| (0..64).map(move |bit| (record, bit))) {
+            let mut damaged = cut.to_vec();
+            damaged[record.start + 1 + bit / 8] ^= 1 << (bit % 8);
+            let recording = match Recording::from_bytes(damaged, "test.mcap") {
+                Ok(recording) => recording,
+                // Nothing that is whole says what it is.
+                Err((_, text)) => {
+                    assert!(text.contains("damaged at byte"), "{text}");
+                    noticed += 1;
+                    continue;
+                }
+            };
+            noticed += usize::from(!recording.damages().is_empty());
+            if recording.damages().is_empty() {
+                assert_eq!(record_bits(&recording), before, "cut in record {last}, bit {bit} of {record:?}");
+            }
+        }
+    }
+    assert!(noticed > 1000, "{noticed}");
+}
+
 #[test]
 fn what_is_whole_is_recovered_around_the_damage() {
     let bytes = written_in_chunks(true);

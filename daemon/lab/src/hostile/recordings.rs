@@ -163,6 +163,7 @@ impl Harm {
 fn examine(bytes: Vec<u8>, harm: Harm, before: &Held) -> Result<Ending, String> {
     let recording = match Recording::from_bytes(bytes, "damaged") {
         Ok(recording) => recording,
+        Err((_, why)) if why.contains("damaged at byte") => return Ok(Ending::Named),
         Err((_, why)) if matches!(harm, Harm::Bit { .. }) => return Err(format!("not recognised: {why}")),
         Err(_) => return Ok(Ending::Foreign),
     };
