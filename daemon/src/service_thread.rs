@@ -90,7 +90,7 @@ impl ServiceThread {
 
     /// Serves until `ended` answers true. A turn waits for nothing, and what it does is bounded: so
     /// signals and watchdog are never far.
-    pub(crate) fn run(&mut self, mut ended: impl FnMut() -> bool) {
+    fn run(&mut self, mut ended: impl FnMut() -> bool) {
         self.notify.ready();
         while !ended() {
             self.take_signals();
@@ -108,8 +108,9 @@ impl ServiceThread {
         self.notify.stopping();
     }
 
-    /// Like [`Self::run`]; a panic, which would be a bug, ends control as SIGTERM does in place of leaving the arm to whatever it was
-    /// doing. False then, and the real-time thread has still to end.
+    /// Serves until `ended` answers true, or this thread panics, which would be a bug: control then ends as at SIGTERM, in place of
+    /// leaving the arm to whatever it was doing. False then, and the real-time thread has still to end; systemd's watchdog hears of
+    /// it no more, and gives it its three seconds.
     pub(crate) fn run_or_stop(&mut self, ended: impl FnMut() -> bool) -> bool {
         let has_run = catch_unwind(AssertUnwindSafe(|| self.run(ended))).is_ok();
         if !has_run {

@@ -37,12 +37,12 @@ pub(super) struct BriefContacts {
 impl BriefContacts {
     /// Takes note of a cycle.
     pub(super) fn cycle(&mut self, record: &CycleRecord, config: &Config) {
-        let RecordSample { state, command, wrench, tool_acceleration, .. } = &record.sample;
+        let RecordSample { now_ns, command, wrench, tool_acceleration, .. } = &record.sample;
         if command.mode == Mode::Contact.code() {
             let axis = command.active_axes.trailing_zeros() as usize;
             // What cannot be used shows no force.
             if let (Some(force), Some(inertia)) = (wrench.get(axis), tool_acceleration.get(axis)) {
-                let new = Contact { began_ns: state.stamp_ns, axis, force: *force, inertia: *inertia, most: 0.0 };
+                let new = Contact { began_ns: *now_ns, axis, force: *force, inertia: *inertia, most: 0.0 };
                 self.contact.get_or_insert(new);
             }
             if let Some(contact) = &mut self.contact {
@@ -53,7 +53,7 @@ impl BriefContacts {
         let Some(contact) = self.contact.take() else { return };
         // One that ended in another stop has its reason told.
         let is_lost = command.mode == Mode::Free.code() || command.stop_reason == StopReason::ContactLost.code();
-        let lasted = Span::from_nanoseconds(state.stamp_ns.saturating_sub(contact.began_ns));
+        let lasted = Span::from_nanoseconds(now_ns.saturating_sub(contact.began_ns));
         if is_lost && lasted.seconds() < brief_s(config) {
             self.count = self.count.saturating_add(1);
             if self.worst.is_none_or(|(worst, _)| worst.most < contact.most) {

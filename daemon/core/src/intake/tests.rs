@@ -185,6 +185,25 @@ fn after_a_pause_and_in_a_new_run_the_tool_counts_as_steady() {
     assert_eq!(felt(|sample| sample.stamp = at(sample.stamp.nanoseconds() + 1_000_000_000)), 0.0);
 }
 
+#[test]
+fn without_a_tool_any_more_nothing_is_shown_of_one() {
+    let [with, without] = [3.0, 0.0].map(|mass| {
+        let mut parameters = parameters();
+        parameters.conditioning.tool_mass = mass;
+        Intake::new(parameters.intake())
+    });
+    let (mut intake, mut next) = (with, without);
+    let samples =
+        [pressing(0.0, 1), Sample { joint_velocity: Vector2::new(0.0, 0.1), ..pressing(0.0, 2) }, pressing(0.0, 3)];
+    for sample in &samples[..2] {
+        intake.take(Event::Sample(sample), sample.stamp).expect("it is good");
+    }
+    assert!(intake.tool_acceleration().norm() > 1.0);
+    next.take_over(&intake);
+    next.take(Event::Sample(&samples[2]), samples[2].stamp).expect("it is good");
+    assert_eq!(next.tool_acceleration().norm(), 0.0);
+}
+
 /// A filter with another T_est shows more or less of the tool's inertia than is taken out.
 #[test]
 fn what_a_tool_may_feign_covers_a_lag_within_its_tolerance() {

@@ -48,22 +48,13 @@ pub(super) fn channel(body: &[u8]) -> Option<(u16, &str)> {
 
 impl<'a> Chunk<'a> {
     pub(super) fn read(body: &'a [u8]) -> Option<Self> {
-        let (mut chunk, packed) = Self::read_head(body)?;
+        let (mut chunk, packed) = Self::read_head(&mut Fields(body))?;
         chunk.data = chunk.data.get(..packed).filter(|data| data.len() == chunk.data.len())?;
         Some(chunk)
     }
 
-    /// Whether a chunk of `length` bytes, of which only the first ones are there, agrees with itself.
-    pub(super) fn may_break_off(length: usize, beginning: &'a [u8]) -> bool {
-        // What ends within the head can't be held against anything.
-        let Some((chunk, packed)) = Self::read_head(beginning) else { return beginning.len() < length };
-        // As many as the file says, which may be anything.
-        (beginning.len() - chunk.data.len()).checked_add(packed) == Some(length)
-    }
-
     /// A chunk with all bytes behind its head, and how many of them it says it has.
-    fn read_head(body: &'a [u8]) -> Option<(Self, usize)> {
-        let mut fields = Fields(body);
+    pub(super) fn read_head(fields: &mut Fields<'a>) -> Option<(Self, usize)> {
         let times = [fields.u64()?, fields.u64()?];
         let (size, checksum) = (fields.length()?, fields.u32()?);
         let compression = fields.text()?;
@@ -126,26 +117,4 @@ pub(super) fn is_index_of(body: &[u8], index: &Index) -> Option<()> {
     }
     found.end()?;
     fields.end()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The head of a chunk without compression that says it has so many bytes, and three of them.
-    fn beginning(packed: u64) -> Vec<u8> {
-        let mut head = vec![0; 2 * 8 + 8 + 4 + 4];
-        head.extend(packed.to_le_bytes());
-        head.extend([1, 2, 3]);
-        head
-    }
-
-    #[test]
-    fn a_chunk_that_breaks_off_has_a_length_that_its_head_agrees_with() {
-        let head = beginning(0).len() - 3;
-        assert!(Chunk::may_break_off(head + 1000, &beginning(1000)));
-        for (packed, length) in [(1000, head + 999), (u64::MAX, head + 1000), (u64::MAX, head - 1), (0, usize::MAX)] {
-            assert!(!Chunk::may_break_off(length, &beginning(packed)), "{packed} {length}");
-        }
-    }
 }

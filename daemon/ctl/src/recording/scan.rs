@@ -155,14 +155,8 @@ fn too_long(bytes: &[u8], at: usize) -> Fault {
     let mut fields = Fields(&bytes[at..]);
     let opcode = fields.take(1).map(|opcode| opcode[0]);
     let may_break_off = match (opcode, fields.length()) {
-        (Some(op::CHUNK), Some(length)) => Chunk::may_break_off(length, fields.0),
-        // What ends within the fields at its beginning can't be held against anything.
-        (
-            Some(opcode @ (op::HEADER | op::METADATA | op::ATTACHMENT | op::MESSAGE_INDEX | op::DATA_END)),
-            Some(length),
-        ) => length_by_fields(opcode, fields.0).map_or(fields.0.len() < length, |found| found == length),
-        (_, None) => true,
-        (_, Some(_)) => false,
+        (Some(opcode), Some(length)) => may_break_off(opcode, length, fields.0),
+        _ => true,
     };
     if may_break_off {
         Fault::BreaksOff
@@ -171,10 +165,22 @@ fn too_long(bytes: &[u8], at: usize) -> Fault {
     }
 }
 
-/// How long the fields at the beginning of a body say that it is; `None` where they are not all there.
-fn length_by_fields(opcode: u8, beginning: &[u8]) -> Option<usize> {
+/// Whether a body of `length` bytes, of which only the first ones are there, agrees with itself.
+fn may_break_off(opcode: u8, length: usize, beginning: &[u8]) -> bool {
+    let is_known =
+        matches!(opcode, op::HEADER | op::METADATA | op::ATTACHMENT | op::CHUNK | op::MESSAGE_INDEX | op::DATA_END);
     let mut fields = Fields(beginning);
-    let behind = match opcode {
+    match behind_fields(opcode, &mut fields) {
+        // As many as the file says, which may be anything.
+        Some(behind) => (beginning.len() - fields.0.len()).checked_add(behind) == Some(length),
+        // What ends within the fields can't be held against anything.
+        None => is_known && beginning.len() < length,
+    }
+}
+
+/// Takes the fields at the beginning of a body; how many bytes it has behind them, as they say. `None` where they are not all there.
+fn behind_fields(opcode: u8, fields: &mut Fields<'_>) -> Option<usize> {
+    Some(match opcode {
         op::HEADER => {
             let (_profile, _library) = (fields.text()?, fields.text()?);
             0
@@ -186,7 +192,12 @@ fn length_by_fields(opcode: u8, beginning: &[u8]) -> Option<usize> {
         op::ATTACHMENT => {
             let _times = (fields.u64()?, fields.u64()?);
             let (_name, _media_type) = (fields.text()?, fields.text()?);
+            // And its checksum.
             fields.length()?.saturating_add(size_of::<u32>())
+        }
+        op::CHUNK => {
+            let (_head, packed) = Chunk::read_head(fields)?;
+            packed
         }
         op::MESSAGE_INDEX => {
             let _channel = fields.u16()?;
@@ -194,8 +205,7 @@ fn length_by_fields(opcode: u8, beginning: &[u8]) -> Option<usize> {
         }
         op::DATA_END => size_of::<u32>(),
         _ => return None,
-    };
-    Some((beginning.len() - fields.0.len()).saturating_add(behind))
+    })
 }
 
 /// Whether something begins here that must have been written so: it has a checksum.
@@ -253,5 +263,22 @@ fn summary(bytes: &[u8], from: usize) -> (bool, Option<Range<usize>>) {
         (true, true) => (true, None),
         (false, false) => (false, None),
         (true, false) | (false, true) => (true, damaged()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chunk_that_breaks_off_has_a_length_that_its_head_agrees_with() {
+        // The head of a chunk without compression that says it has so many bytes, and three of them.
+        let head = [0; 2 * 8 + 8 + 4 + 4];
+        let beginning = |packed: u64| [&head[..], &packed.to_le_bytes(), &[1, 2, 3]].concat();
+        let head = beginning(0).len() - 3;
+        assert!(may_break_off(op::CHUNK, head + 1000, &beginning(1000)));
+        for (packed, length) in [(1000, head + 999), (u64::MAX, head + 1000), (u64::MAX, head - 1), (0, usize::MAX)] {
+            assert!(!may_break_off(op::CHUNK, length, &beginning(packed)), "{packed} {length}");
+        }
     }
 }

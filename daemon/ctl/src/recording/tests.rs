@@ -81,10 +81,18 @@ fn a_file_that_breaks_off_is_read_up_to_there() {
 
 /// Three chunks of three records each.
 fn written_in_chunks(finish: bool) -> Vec<u8> {
+    written_with(0, finish)
+}
+
+/// In chunks of three records, with another configuration from each of the first ones on, so many.
+fn written_with(configurations: u64, finish: bool) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut writer = RecordingWriter::new(&mut bytes, "planar", "a = 1").expect("memory takes all");
     for sequence in 1..=9 {
         writer.record(&record(sequence)).expect("memory takes all");
+        if sequence <= configurations {
+            writer.configuration(sequence, "b = 2").expect("memory takes all");
+        }
         if sequence % 3 == 0 {
             writer.flush().expect("memory takes all");
         }
@@ -145,14 +153,7 @@ fn a_bit_that_flips_in_a_file_that_breaks_off_changes_nothing_or_is_noticed() {
 /// configuration whose length led beyond the end seemed to be what broke off, and was lost without a word.
 #[test]
 fn a_length_that_leads_beyond_where_a_file_breaks_off_is_noticed() {
-    let mut whole = Vec::new();
-    let mut writer = RecordingWriter::new(&mut whole, "planar", "a = 1").expect("memory takes all");
-    for sequence in 1..=3 {
-        writer.record(&record(sequence)).expect("memory takes all");
-        writer.configuration(sequence, "b = 2").expect("memory takes all");
-        writer.flush().expect("memory takes all");
-    }
-    std::mem::forget(writer);
+    let whole = written_with(9, false);
     let (mut records, mut at) = (Vec::new(), mcap::MAGIC.len());
     while let Some(found) = fields::record(&whole, at) {
         records.push(at..found.end);

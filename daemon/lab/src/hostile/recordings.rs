@@ -163,9 +163,13 @@ impl Harm {
 fn examine(bytes: Vec<u8>, harm: Harm, before: &Held) -> Result<Ending, String> {
     let recording = match Recording::from_bytes(bytes, "damaged") {
         Ok(recording) => recording,
-        Err((_, why)) if why.contains("damaged at byte") => return Ok(Ending::Named),
-        Err((_, why)) if matches!(harm, Harm::Bit { .. }) => return Err(format!("not recognised: {why}")),
-        Err(_) => return Ok(Ending::Foreign),
+        Err((_, why)) => {
+            return match harm {
+                Harm::Bit { byte, .. } if names(&why, byte) => Ok(Ending::Named),
+                Harm::Bit { .. } => Err(format!("not recognised: {why}")),
+                _ => Ok(Ending::Foreign),
+            };
+        }
     };
     if recording.damages().is_empty() {
         let after = held(&recording)?;
@@ -189,6 +193,16 @@ fn examine(bytes: Vec<u8>, harm: Harm, before: &Held) -> Result<Ending, String> 
         Err((code, text)) => Err(format!("{code:?}: {text}")),
         Ok(_) => Err("accepted".to_owned()),
     }
+}
+
+/// Whether a message tells of a damage that begins at this byte or before it, and ends behind it.
+fn names(message: &str, byte: usize) -> bool {
+    let number = |behind: &str| {
+        let text = message.split_once(behind)?.1;
+        text.split(|c: char| !c.is_ascii_digit()).next()?.parse::<usize>().ok()
+    };
+    let (start, end) = (number("damaged at byte "), number("before byte "));
+    start.is_some_and(|start| start <= byte) && end.is_some_and(|end| byte < end)
 }
 
 /// Whether all that was read was there, and in this order.
@@ -228,6 +242,18 @@ mod tests {
             }
         }
         assert!(named > 200 && harmless > 0, "{named} named, {harmless} harmless");
+    }
+
+    #[test]
+    fn what_says_no_more_what_it_is_is_refused_with_the_place() {
+        let [original] = &recordings(&["force-exceeded.mcap"])[..] else { panic!("one") };
+        // Byte 100 is of the metadata, which is all that is there before a configuration that breaks off.
+        let mut bytes = original.bytes[..300].to_vec();
+        bytes[100] ^= 1;
+        let harm = Harm::Bit { byte: 100, bit: 0 };
+        assert_eq!(examine(bytes.clone(), harm, &original.held), Ok(Ending::Named));
+        let elsewhere = Harm::Bit { byte: 10, bit: 0 };
+        assert!(examine(bytes, elsewhere, &original.held).is_err_and(|why| why.starts_with("not recognised: ")));
     }
 
     #[test]
