@@ -167,45 +167,37 @@ fn too_long(bytes: &[u8], at: usize) -> Fault {
 
 /// Whether a body of `length` bytes, of which only the first ones are there, agrees with itself.
 fn may_break_off(opcode: u8, length: usize, beginning: &[u8]) -> bool {
-    let is_known =
-        matches!(opcode, op::HEADER | op::METADATA | op::ATTACHMENT | op::CHUNK | op::MESSAGE_INDEX | op::DATA_END);
-    let mut fields = Fields(beginning);
-    match behind_fields(opcode, &mut fields) {
-        // As many as the file says, which may be anything.
-        Some(behind) => (beginning.len() - fields.0.len()).checked_add(behind) == Some(length),
-        // What ends within the fields can't be held against anything.
-        None => is_known && beginning.len() < length,
-    }
-}
-
-/// Takes the fields at the beginning of a body; how many bytes it has behind them, as they say. `None` where they are not all there.
-fn behind_fields(opcode: u8, fields: &mut Fields<'_>) -> Option<usize> {
-    Some(match opcode {
-        op::HEADER => {
+    // Takes the fields that such a body begins with, and says how many bytes it has behind them.
+    let behind: fn(&mut Fields<'_>) -> Option<usize> = match opcode {
+        op::HEADER => |fields| {
             let (_profile, _library) = (fields.text()?, fields.text()?);
-            0
-        }
-        op::METADATA => {
+            Some(0)
+        },
+        op::METADATA => |fields| {
             let _name = fields.text()?;
-            fields.u32()? as usize
-        }
-        op::ATTACHMENT => {
+            Some(fields.u32()? as usize)
+        },
+        op::ATTACHMENT => |fields| {
             let _times = (fields.u64()?, fields.u64()?);
             let (_name, _media_type) = (fields.text()?, fields.text()?);
             // And its checksum.
-            fields.length()?.saturating_add(size_of::<u32>())
-        }
-        op::CHUNK => {
-            let (_head, packed) = Chunk::read_head(fields)?;
-            packed
-        }
-        op::MESSAGE_INDEX => {
+            Some(fields.length()?.saturating_add(size_of::<u32>()))
+        },
+        op::CHUNK => |fields| Chunk::read_head(fields).map(|(_head, packed)| packed),
+        op::MESSAGE_INDEX => |fields| {
             let _channel = fields.u16()?;
-            fields.u32()? as usize
-        }
-        op::DATA_END => size_of::<u32>(),
-        _ => return None,
-    })
+            Some(fields.u32()? as usize)
+        },
+        op::DATA_END => |_| Some(size_of::<u32>()),
+        _ => return false,
+    };
+    let mut fields = Fields(beginning);
+    match behind(&mut fields) {
+        // As many as the file says, which may be anything.
+        Some(behind) => (beginning.len() - fields.0.len()).checked_add(behind) == Some(length),
+        // What ends within the fields can't be held against anything.
+        None => beginning.len() < length,
+    }
 }
 
 /// Whether something begins here that must have been written so: it has a checksum.
