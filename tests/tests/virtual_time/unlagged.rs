@@ -175,7 +175,8 @@ fn the_force_guard_without_lag_takes_the_guard_that_is_told() {
     experiment.config.stopping.force_guard_n = None;
     let mut untold = |share: f64, run: &Run| {
         assert_eq!(run.stop_reason(), None, "no guard is told, contact at {share}");
-        assert!(run.counters.exceeded > 0 || run.peak(1) <= LIMIT, "counted all the same, contact at {share}");
+        let (counted, peak) = (run.counters.exceeded, run.peak(1));
+        assert!(counted > 0 || peak <= LIMIT, "{peak} N, to be counted all the same, contact at {share}");
     };
     experiment.at_instants(8, &mut untold);
     fresh(|seed| experiment.at_instants_of(seed, 4, &mut untold));
