@@ -196,7 +196,7 @@ fn may_break_off(opcode: u8, length: usize, beginning: &[u8]) -> bool {
         // As many as the file says, which may be anything.
         Some(behind) => (beginning.len() - fields.0.len()).checked_add(behind) == Some(length),
         // What ends within the fields can't be held against anything.
-        None => beginning.len() < length,
+        None => true,
     }
 }
 
