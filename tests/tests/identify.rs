@@ -116,6 +116,7 @@ fn an_arm_that_was_told_wrongly_is_found() {
         assert_eq!(code, Some(0), "{said}");
         let fragment = found["fragment"].as_str().expect("a fragment");
         assert!(fragment.contains("# was 1.2;") && fragment.contains("tool_mass_kg = 1."), "{fragment}");
+        assert!(fragment.contains("\nwrench_lag_tolerance = 0.0"), "{fragment}");
     }
     println!("{} of {} intervals hold the truth", judged.held, judged.all);
     assert!(judged.held * 100 >= judged.all * 90, "{} of {}", judged.held, judged.all);
