@@ -80,7 +80,9 @@ fn an_arm_that_was_told_wrongly_is_found() {
     let report_lag_s = 0.002;
     let dead_times = [0.0012, 0.001, 0.0019, 0.0011, 0.0015, 0.001];
     let mut judged = Judged::default();
-    for seed in ["1", "2", "3"] {
+    // What is allowed for already is never lowered.
+    for (seed, allowed) in [("1", "0.0"), ("2", "0.0"), ("3", "0.3")] {
+        let text = with_keys(&text, &[("contact.wrench_lag_tolerance", allowed)]);
         let changes = [("wrench.delay_s", "0.0015"), ("timing.command_delay_s", "0.0007"), ("noise.seed", seed)];
         let with_loops = |scenario: &str| {
             let mut experiment = experiment(&text, &with_keys(scenario, &changes));
@@ -116,7 +118,7 @@ fn an_arm_that_was_told_wrongly_is_found() {
         assert_eq!(code, Some(0), "{said}");
         let fragment = found["fragment"].as_str().expect("a fragment");
         assert!(fragment.contains("# was 1.2;") && fragment.contains("tool_mass_kg = 1."), "{fragment}");
-        assert!(fragment.contains("\nwrench_lag_tolerance = 0.0"), "{fragment}");
+        assert_eq!(fragment.contains("\nwrench_lag_tolerance = 0.0"), allowed == "0.0", "{fragment}");
     }
     println!("{} of {} intervals hold the truth", judged.held, judged.all);
     assert!(judged.held * 100 >= judged.all * 90, "{} of {}", judged.held, judged.all);

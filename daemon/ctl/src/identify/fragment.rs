@@ -1,7 +1,7 @@
 //! What was found as keys of the daemon's configuration, with what they were.
 
 use admittance_host::config::parse;
-use admittance_runner::config::{Config, LawName};
+use admittance_runner::config::Config;
 use admittance_runner::cycle;
 
 use super::estimate::Estimate;
@@ -53,12 +53,12 @@ pub(super) fn half_width(estimate: &Estimate) -> String {
     rounded(digits, 0.1 * digits)
 }
 
-/// By what share a value may be larger than it is printed, up to the end of its interval, rounded up to
-/// thousandths; none of what may be zero.
+/// By what share of what is printed the value may be larger than that, up to the end of its interval: rounded up to
+/// thousandths, 1 at most. `None` of a value that may be zero, of which it would be no measure.
 fn share_above(of: &Estimate) -> Option<f64> {
     let printed: f64 = number(of).parse().ok()?;
     let share = (of.value + of.half_width) / printed - 1.0;
-    of.is_there().then(|| ((1e3 * share).ceil() / 1e3).clamp(0.0, 1.0))
+    of.is_there().then(|| ((1e3 * share).ceil() / 1e3).min(1.0))
 }
 
 fn list(values: impl Iterator<Item = String>) -> String {
@@ -203,7 +203,7 @@ fn of_wrench(found: &Found, config: &Config) -> Vec<Entry> {
         entries.push(entry("contact", "wrench_time_constant_s", value, format!("{old:?}"), remark));
         // A narrow interval is no reason to allow for less: it knows nothing of what is no lag.
         let was = config.contact.wrench_lag_tolerance;
-        if let Some(share) = share_above(lag).filter(|share| *share > was && config.control.law == LawName::Mpc) {
+        if let Some(share) = share_above(lag).filter(|share| *share > was) {
             let remark = "up to the end of the interval of wrench_time_constant_s".to_owned();
             entries.push(entry("contact", "wrench_lag_tolerance", format!("{share:?}"), format!("{was:?}"), remark));
         }
@@ -271,9 +271,10 @@ mod tests {
         let endless = Estimate::new(1.234567, f64::INFINITY);
         assert_eq!((number(&endless).as_str(), half_width(&endless).as_str()), ("1.2346", "unknown"));
     }
+
     #[test]
     fn what_is_printed_and_its_share_reach_to_the_end_of_the_interval() {
-        for (value, half_width) in [(0.0424926, 0.0102592), (0.02, 1e-4), (0.0123, 0.003), (5e-4, 4.9e-4)] {
+        for (value, half_width) in [(0.0424926, 0.0102592), (0.02, 0.003004), (0.0123, 0.003), (5e-4, 4.9e-4)] {
             let lag = Estimate::new(value, half_width);
             let (printed, share) =
                 (number(&lag).parse::<f64>().expect("a number"), share_above(&lag).expect("a share"));
