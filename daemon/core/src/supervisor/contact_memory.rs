@@ -71,6 +71,8 @@ pub(crate) struct ContactMemory<const D: usize> {
     impact: Impact,
     /// Largest speed into the surface of an arm that came back to it, m/s; infinite for another.
     returned: f64,
+    /// Whether the arm has moved out of the surface, whatever it pressed with.
+    is_thrown_back: bool,
     /// Cycles in a row in which the force was not the predicted one.
     pub(super) mismatches: u32,
     /// Cycles in a row without a solution.
@@ -86,6 +88,7 @@ impl<const D: usize> ContactMemory<D> {
             approach: 0.0,
             impact: if bounced.is_some() { Impact::over(now) } else { Impact::BRAKING },
             returned: bounced.map_or(f64::INFINITY, |bounced| bounced.speed),
+            is_thrown_back: false,
             mismatches: 0,
             unsolved: 0,
         }
@@ -106,11 +109,13 @@ impl<const D: usize> ContactMemory<D> {
     pub(super) fn follow_impact<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) {
         let (surface, posture) = (belief.surface(), &sample.posture);
         let speed = surface.outward_speed(&(posture.jacobian() * sample.joint_velocity));
+        self.approach = self.approach.max(-surface.outward_speed(&sample.twist_reference));
         self.go_on_with_impact(speed, surface.spring_force(posture.pose()) <= 0.0, sample.stamp);
     }
 
     /// The arm moves out of the surface at `speed` (m/s), and `has_left` it or has not.
     fn go_on_with_impact(&mut self, speed: f64, has_left: bool, now: Instant) {
+        self.is_thrown_back |= speed > STANDSTILL;
         self.impact = match self.impact {
             Impact::Braking { .. } if speed > STANDSTILL && self.has_reached() => Impact::Rebound,
             Impact::Braking { stands_since } if speed > -STANDSTILL => {
@@ -134,11 +139,9 @@ impl<const D: usize> ContactMemory<D> {
         !matches!(self.impact, Impact::Braking { .. })
     }
 
-    /// The largest speed into the surface that may be commanded, in m/s, `now` that ṗ0 moves out of
-    /// it at `outward_speed`: what the approach had, and a part of that for a while after the
-    /// impact.
-    pub(super) fn inward_speed(&mut self, outward_speed: f64, now: Instant) -> f64 {
-        self.approach = self.approach.max(-outward_speed);
+    /// The largest speed into the surface that may be commanded `now`, in m/s: what the approach had, and a part of
+    /// that for a while after the impact.
+    pub(super) fn inward_speed(&self, now: Instant) -> f64 {
         let is_slow = matches!(self.impact, Impact::Over { slow_until } if now < slow_until);
         let speed = if is_slow { self.slow() } else { self.approach };
         speed.max(FOLLOWING)
@@ -150,10 +153,12 @@ impl<const D: usize> ContactMemory<D> {
     }
 
     /// The way back after a contact that ends `now`. One that was felt in a few cycles alone may
-    /// have bounced off unseen, before any of them showed the arm on its way out.
+    /// have bounced off unseen, before any of them showed the arm on its way out; one of less than f_min may have
+    /// thrown it back before it had stood for long enough to be halted.
     pub(super) fn way_back(&self, now: Instant) -> Option<Return> {
         let speed = self.slow().max(FOLLOWING);
-        (self.is_settling() || self.has_reached()).then(|| Return { speed, end: now + RETURN_FOR })
+        let comes_back = self.is_settling() || self.has_reached() || self.is_thrown_back;
+        comes_back.then(|| Return { speed, end: now + RETURN_FOR })
     }
 
     /// Whether any axis has reached f_min.
@@ -183,7 +188,8 @@ mod tests {
     /// A contact in which the arm was brought to a halt after an approach at `speed`.
     fn halted(speed: f64) -> ContactMemory<2> {
         let mut memory = ContactMemory::new(None, START);
-        assert_eq!(memory.inward_speed(-speed, START), speed, "as fast as it came");
+        memory.approach = speed;
+        assert_eq!(memory.inward_speed(START), speed, "as fast as it came");
         memory.reached = [true, false];
         memory.go_on_with_impact(0.02, false, START);
         memory.go_on_with_impact(-0.01, false, START);
@@ -193,10 +199,10 @@ mod tests {
 
     #[test]
     fn after_the_impact_the_arm_is_slow_for_a_while_and_then_follows_as_fast_as_it_came() {
-        let mut memory = halted(0.2);
+        let memory = halted(0.2);
         for (since, expected) in [(0, 0.05), (499_999_999, 0.05), (500_000_000, 0.2)] {
             let now = START + Span::from_nanoseconds(since);
-            assert_eq!(memory.inward_speed(-0.2, now), expected, "after {since} ns");
+            assert_eq!(memory.inward_speed(now), expected, "after {since} ns");
         }
     }
 
@@ -215,9 +221,22 @@ mod tests {
     #[test]
     fn a_bounce_between_two_samples_has_a_way_back_too() {
         let mut memory = ContactMemory::<2>::new(None, START);
-        let _ = memory.inward_speed(-0.2, START);
+        memory.approach = 0.2;
         assert_eq!(memory.way_back(START), None, "hardly touched");
         memory.reached = [false, true];
+        assert_eq!(memory.way_back(START).map(|back| back.speed), Some(0.05));
+    }
+
+    #[test]
+    fn a_touch_below_f_min_that_throws_the_arm_back_has_a_way_back_too() {
+        let mut memory = ContactMemory::<2>::new(None, START);
+        memory.approach = 0.2;
+        memory.go_on_with_impact(-0.1, false, START);
+        assert_eq!(memory.way_back(START), None, "still on its way in");
+        memory.go_on_with_impact(0.1, false, START);
+        // On its way in once more before f̂ has shown that it left.
+        memory.go_on_with_impact(-0.1, false, START);
+        assert!(!memory.is_settling());
         assert_eq!(memory.way_back(START).map(|back| back.speed), Some(0.05));
     }
 

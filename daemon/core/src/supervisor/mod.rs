@@ -338,8 +338,7 @@ impl<const D: usize> Supervisor<D> {
         let mut settles = false;
         if let Mode::Contact(memory) = &mut self.mode {
             if self.settings.inward_speed == InwardSpeed::Approach {
-                inward_speed =
-                    memory.inward_speed(belief.surface().outward_speed(twist_reference), situation.sample.stamp);
+                inward_speed = memory.inward_speed(situation.sample.stamp);
                 settles = memory.is_settling();
             }
             let leaves = belief.is_left_by(twist_reference);

@@ -288,4 +288,14 @@ mod tests {
             assert!(error < 2.5, "case {index}: {error} N");
         }
     }
+
+    /// Of `--noise-n 0.5 --sampling-time 0.001 --seed 5550123`: touches of less than f_min threw the arm back, it came
+    /// back as fast as before, nine times, and was over its limit once.
+    #[test]
+    fn an_arm_that_is_thrown_back_below_f_min_comes_back_slowly() {
+        let world = World { noise_n: 0.5, sampling_time_s: Some(0.001), ..world(Told::Range50, 5_550_123) };
+        let case = world.case(59).unwrap();
+        let (seen, limit_n) = (case.seen.as_ref().unwrap(), case.draw.normal_force_limit_n());
+        assert!(seen.accepted() && seen.peak_n < limit_n && seen.contact_losses <= 2, "limit {limit_n} N: {seen:?}");
+    }
 }
