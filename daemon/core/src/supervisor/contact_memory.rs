@@ -71,7 +71,7 @@ pub(crate) struct ContactMemory<const D: usize> {
     impact: Impact,
     /// Largest speed into the surface of an arm that came back to it, m/s; infinite for another.
     returned: f64,
-    /// Whether the arm has moved out of the surface, whatever it pressed with.
+    /// Whether the arm has moved out of the surface although ṗ0 did not, whatever it pressed with.
     is_thrown_back: bool,
     /// Cycles in a row in which the force was not the predicted one.
     pub(super) mismatches: u32,
@@ -109,13 +109,18 @@ impl<const D: usize> ContactMemory<D> {
     pub(super) fn follow_impact<const N: usize>(&mut self, sample: &Accepted<N, D>, belief: &Belief<D>) {
         let (surface, posture) = (belief.surface(), &sample.posture);
         let speed = surface.outward_speed(&(posture.jacobian() * sample.joint_velocity));
-        self.approach = self.approach.max(-surface.outward_speed(&sample.twist_reference));
+        self.follow_motion(speed, surface.outward_speed(&sample.twist_reference));
         self.go_on_with_impact(speed, surface.spring_force(posture.pose()) <= 0.0, sample.stamp);
+    }
+
+    /// The arm moves out of the surface at `speed`, and ṗ0 at `told` (m/s).
+    fn follow_motion(&mut self, speed: f64, told: f64) {
+        self.approach = self.approach.max(-told);
+        self.is_thrown_back |= speed > STANDSTILL && told <= STANDSTILL;
     }
 
     /// The arm moves out of the surface at `speed` (m/s), and `has_left` it or has not.
     fn go_on_with_impact(&mut self, speed: f64, has_left: bool, now: Instant) {
-        self.is_thrown_back |= speed > STANDSTILL;
         self.impact = match self.impact {
             Impact::Braking { .. } if speed > STANDSTILL && self.has_reached() => Impact::Rebound,
             Impact::Braking { stands_since } if speed > -STANDSTILL => {
@@ -188,7 +193,7 @@ mod tests {
     /// A contact in which the arm was brought to a halt after an approach at `speed`.
     fn halted(speed: f64) -> ContactMemory<2> {
         let mut memory = ContactMemory::new(None, START);
-        memory.approach = speed;
+        memory.follow_motion(-speed, -speed);
         assert_eq!(memory.inward_speed(START), speed, "as fast as it came");
         memory.reached = [true, false];
         memory.go_on_with_impact(0.02, false, START);
@@ -221,7 +226,7 @@ mod tests {
     #[test]
     fn a_bounce_between_two_samples_has_a_way_back_too() {
         let mut memory = ContactMemory::<2>::new(None, START);
-        memory.approach = 0.2;
+        memory.follow_motion(-0.2, -0.2);
         assert_eq!(memory.way_back(START), None, "hardly touched");
         memory.reached = [false, true];
         assert_eq!(memory.way_back(START).map(|back| back.speed), Some(0.05));
@@ -229,15 +234,15 @@ mod tests {
 
     #[test]
     fn a_touch_below_f_min_that_throws_the_arm_back_has_a_way_back_too() {
-        let mut memory = ContactMemory::<2>::new(None, START);
-        memory.approach = 0.2;
-        memory.go_on_with_impact(-0.1, false, START);
-        assert_eq!(memory.way_back(START), None, "still on its way in");
-        memory.go_on_with_impact(0.1, false, START);
+        let way_back = |motion: &[(f64, f64)]| {
+            let mut memory = ContactMemory::<2>::new(None, START);
+            motion.iter().for_each(|&(speed, told)| memory.follow_motion(speed, told));
+            memory.way_back(START).map(|back| back.speed)
+        };
+        assert_eq!(way_back(&[(-0.2, -0.2), (-0.1, -0.2)]), None, "still on its way in");
         // On its way in once more before f̂ has shown that it left.
-        memory.go_on_with_impact(-0.1, false, START);
-        assert!(!memory.is_settling());
-        assert_eq!(memory.way_back(START).map(|back| back.speed), Some(0.05));
+        assert_eq!(way_back(&[(-0.2, -0.2), (0.1, -0.2), (-0.1, -0.2)]), Some(0.05));
+        assert_eq!(way_back(&[(-0.2, -0.2), (-0.1, 0.1), (0.1, 0.1)]), None, "it moves out as it is told");
     }
 
     #[test]
