@@ -84,7 +84,8 @@ fn a_margin_counts_from_the_limit() {
     }
 }
 
-/// What a longer lag of the wrench would hide (`contact.wrench_lag_tolerance`) is off the margin, and no command changes.
+/// What a longer lag of the wrench would hide (`contact.wrench_lag_tolerance`) is off the margin, and with a surface that is told no
+/// command changes.
 /// A wrench without lag hides nothing, and neither does one that has settled.
 #[test]
 fn what_a_longer_lag_hides_is_off_the_margin() {

@@ -12,7 +12,7 @@ use super::every_surface::{of_set, pressing_everywhere, shown_beyond};
 use super::fastest_outward::outward;
 use super::late_arm::{free_of_told, pressed_late};
 use super::qp::QpSolver;
-use super::{Demand, InputSelection, LowerBound, Mpc, Options, Situation, Solution, Verdict};
+use super::{Demand, InputSelection, LowerBound, Mpc, Options, Settings, Situation, Solution, Verdict};
 use crate::output::{MAX_STEPS, Plan};
 
 /// The price of a force below f_min. At rest nothing pulls the force there; after an impact the
@@ -24,9 +24,11 @@ const KEPT: Slack = Slack { softened: Softened::Minimum, price: 1.0, curvature: 
 /// loop that lags more than it was told would bounce for as long as the law corrects it within a
 /// few cycles.
 const SETTLING: f64 = 100.0;
-/// Part of what f̂ shows beyond the force while that falls by which the force may be smaller than it is believed to be:
-/// T_est is known no better than within a quarter.
-const MISSING: f64 = 0.5;
+/// Part of what f̂ shows beyond the force while that falls by which the force may be smaller than it is believed to be,
+/// with a T_est that is a bit longer than told.
+const MISSING: f64 = 0.35;
+/// How many times the share counts besides by which T_est may be longer: what was learned of the surface is off by it too.
+const MISSING_BY_LAG: f64 = 1.5;
 /// Part of the joints' speed that has to be left for all of it: with less the weight goes down to R
 /// steadily, so that an arm that slides along its limits does not jump from one law to the other.
 const ENOUGH_SPEED: f64 = 0.05;
@@ -49,10 +51,18 @@ const SLIDE: f64 = 0.95;
 const ROOM: f64 = 4.0;
 /// Part of what the drives allow at once that a tool may have to leave a depth with.
 const BACK_AT_ONCE: f64 = 0.5;
-/// In how many times the lag of the speed loops and a cycle the force then settles.
-const SETTLING_LAGS: f64 = 3.0;
+/// In how many times the lag of the speed loops, a cycle, and what delays a command or may delay it, the force then settles.
+const SETTLING_LAGS: f64 = 1.4;
 /// Least part of the normal along what gives way that can take a motion out of the surface.
 const LEAST_PART: f64 = 0.1;
+
+impl<const N: usize, const D: usize> Settings<N, D> {
+    /// Time constant with which the force settles, s.
+    pub(super) fn settling_time(&self) -> f64 {
+        let delay = self.loops.dead_time.max() + self.timing.command_delay.seconds() + self.options.lag_tolerance;
+        SETTLING_LAGS * (self.loops.slowest() + self.timing.sampling_time.seconds() + delay)
+    }
+}
 
 impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, B> {
     /// Solves (18) for what a contact asks. `expired` is called before and between solver
@@ -151,7 +161,8 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         };
         // Where every surface that may be there presses with enough of a force, as that of the likeliest, and with as
         // much more as may be missing of it.
-        let missing = set.filter(|_| demand.settles).map_or(0.0, |set| MISSING * shown_beyond(set, situation));
+        let part = (MISSING + MISSING_BY_LAG * options.wrench_lag_tolerance).min(1.0);
+        let missing = set.filter(|_| demand.settles).map_or(0.0, |set| part * shown_beyond(set, situation));
         let pressing = |force: f64| set.map_or(force, |set| pressing_everywhere(set, situation, force + missing));
         let mut bounds = ForceBounds::none();
         for axis in (0..D).filter(|&axis| demand.signs[axis] != 0.0) {
@@ -231,9 +242,12 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         // Which way the arm shall move: along the surface, and away from it as fast as the force
         // settles.
         let settling = if holds && demand.settles {
-            let time = SETTLING_LAGS * (settings.loops.slowest() + settings.timing.sampling_time.seconds());
-            let excess = surface.spring_force(sample.posture.pose()) - normal_force;
-            out * (excess / (surface.normal_stiffness() * time))
+            // What joints that lead out cover yet by themselves is no excess any more. On the way in the same would stop
+            // the arm for what it does not press yet, and it would leave the surface again.
+            let outward = situation.outward_speed(&situation.joints.velocity).max(0.0);
+            let further = surface.normal_stiffness() * outward * settings.loops.slowest();
+            let excess = surface.spring_force(sample.posture.pose()) - further - normal_force;
+            out * (excess / (surface.normal_stiffness() * settings.settling_time()))
         } else {
             SVector::zeros()
         };
@@ -311,9 +325,11 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             constraints,
             set_point: SetPoint {
                 joint_position: sample.joint_position_reference,
-                joint_velocity: situation.told_with(&(sliding + settling)) - behind_along_surface,
+                joint_velocity: told - behind_along_surface,
                 wrench: surface.normal * -normal_force,
-                input: wanted_offset + settling + lead,
+                input: wanted_offset + lead,
+                fading_velocity: situation.joint_velocity(&settling),
+                fading_input: settling,
             },
             weights: &options.weights,
             jacobian: *sample.posture.jacobian(),

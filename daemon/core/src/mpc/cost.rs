@@ -28,8 +28,9 @@ pub enum Weights<const N: usize, const D: usize> {
     },
 }
 
-/// x⁰ = [q0; q̇0; f_ref] and u⁰, constant over the horizon. The paper's f_ref (remark 3) and u⁰ are
-/// 0.
+/// x⁰ = [q0; q̇0; f_ref] and u⁰. The paper's are constant over the horizon, with f_ref (remark 3) and u⁰
+/// 0; what makes a force settle fades over the horizon, see
+/// [`Horizon::left_in`](crate::mpc::horizon::Horizon::left_in).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SetPoint<const N: usize, const D: usize> {
     /// q0: the commanded joint position in rad.
@@ -40,4 +41,8 @@ pub struct SetPoint<const N: usize, const D: usize> {
     pub wrench: SVector<f64, D>,
     /// u⁰ in m/s and rad/s: the offset that costs nothing.
     pub input: SVector<f64, D>,
+    /// What is added to q̇0 at first, and fades, in rad/s.
+    pub fading_velocity: SVector<f64, N>,
+    /// What is added to u⁰ at first, and fades, in m/s and rad/s.
+    pub fading_input: SVector<f64, D>,
 }

@@ -33,6 +33,8 @@ pub struct Horizon<const N: usize, const D: usize> {
     starts: [f64; MAX_STEPS],
     /// Length of each step over the mean length.
     shares: [f64; MAX_STEPS],
+    /// Which part of what fades is left in each step, on average.
+    left: [f64; MAX_STEPS],
     len: usize,
     is_even: bool,
     follows_within: bool,
@@ -74,6 +76,7 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
             until_rest: loops.until_rest(),
             starts: [0.0; MAX_STEPS],
             shares: [1.0; MAX_STEPS],
+            left: [1.0; MAX_STEPS],
             len: durations.len().min(MAX_STEPS),
             is_even: durations.windows(2).all(|pair| pair[0] == pair[1]),
             follows_within: false,
@@ -110,6 +113,18 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
     #[must_use]
     pub fn counting_steps(mut self) -> Self {
         self.shares = [1.0; MAX_STEPS];
+        self
+    }
+
+    /// The same horizon, in which the fading parts of set points decay with this time constant (s, above 0), from its
+    /// start on. Each step uses the mean over its length. Without this call they do not decay.
+    #[must_use]
+    pub fn fading_within(mut self, time_constant: f64) -> Self {
+        for step in 0..self.len {
+            let (start, duration) = (self.starts[step], self.steps[step].duration);
+            let within = -libm::expm1(-duration / time_constant) * time_constant / duration;
+            self.left[step] = libm::exp(-start / time_constant) * within;
+        }
         self
     }
 
@@ -153,6 +168,11 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
     /// all count once, as in (18a); over uneven ones the cost stays an integral over time.
     pub fn share(&self, step: usize) -> f64 {
         self.shares[step]
+    }
+
+    /// Which part of what fades is left in step `step`, on average; 1 where nothing does.
+    pub fn left_in(&self, step: usize) -> f64 {
+        self.left[step]
     }
 
     /// Time in s for which the input before step `step` has acted: the length of the step before; of the first

@@ -192,8 +192,9 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
     /// [`Capacity`](condensation::Capacity) of the horizon asks for.
     pub(crate) fn new(settings: Settings<N, D>, solver: S, storage: B) -> Option<Self> {
         let options = &settings.options;
-        let horizon =
-            options.horizon(settings.timing.sampling_time.seconds(), &settings.loops, &settings.wrench_time_constant);
+        let horizon = options
+            .horizon(settings.timing.sampling_time.seconds(), &settings.loops, &settings.wrench_time_constant)
+            .fading_within(settings.settling_time());
         Some(Self {
             workspace: Workspace::new(&horizon, &options.weights, storage)?,
             horizon,

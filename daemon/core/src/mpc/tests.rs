@@ -75,6 +75,19 @@ fn a_contact_has_a_plan_of_the_horizon_s_length_that_slows_the_approach() {
     assert!(normal().dot(&first) > 0.0, "out of the surface, against the reference: {first}");
 }
 
+/// 1.4 times what the slowest joint, the longest dead time, the delay of commands, a cycle and the lag that is allowed for
+/// add up to.
+#[test]
+fn the_force_settles_with_all_that_lags() {
+    let mut settings = parameters().mpc();
+    (settings.loops.time_constant, settings.loops.dead_time) = (Vector2::new(0.03, 0.02), Vector2::new(0.001, 0.003));
+    settings.timing.command_delay = Span::from_seconds(0.002);
+    settings.timing.sampling_time = Span::from_seconds(0.004);
+    settings.options.lag_tolerance = 0.005;
+    let expected = 1.4 * (0.03 + 0.003 + 0.002 + 0.004 + 0.005);
+    assert!((settings.settling_time() - expected).abs() < 1e-12, "{} s", settings.settling_time());
+}
+
 /// A tool that leaves fast is deepest before any input acts: a margin counts that as well.
 #[test]
 fn what_presses_before_the_inputs_act_is_in_the_margin() {

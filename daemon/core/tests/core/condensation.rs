@@ -1,7 +1,8 @@
 //! The condensed QP against the cost of simulated trajectories.
 
 use crate::common::problems::{
-    DISCRETIZATIONS, Loops, Numbers, Problem, SLACK_UNIT, SLACKS, Shape, cases, largest, order, shapes, workspace,
+    DISCRETIZATIONS, Loops, Numbers, Problem, SLACK_UNIT, SLACKS, Shape, cases, largest, left_in, order, shapes,
+    workspace,
 };
 use admittance_core::mpc::condensation::{MpcRows, condense};
 use admittance_core::mpc::model::{CARRIED, Discretization};
@@ -44,12 +45,13 @@ fn cost<const N: usize, const D: usize>(problem: &Problem<N, D>, z: &[f64]) -> f
     let (on_position, on_velocity, on_wrench) = problem.weights();
     let mut cost = 0.0;
     for k in 0..problem.horizon.steps().len() {
-        let u = problem.input(z, k) - p.set_point.input;
+        let u = problem.input(z, k) - p.set_point.input - p.set_point.fading_input * left_in(problem, k);
         cost += problem.horizon.share(k) * u.dot(&u.component_mul(&p.input_weight));
     }
     for (k, x) in problem.trajectory(z)[1..].iter().enumerate() {
         let share = problem.horizon.share(k);
-        let (dq, dv) = (x.joint_position - p.set_point.joint_position, x.joint_velocity - p.set_point.joint_velocity);
+        let velocity = p.set_point.joint_velocity + p.set_point.fading_velocity * left_in(problem, k);
+        let (dq, dv) = (x.joint_position - p.set_point.joint_position, x.joint_velocity - velocity);
         cost += share * (dq.dot(&(on_position * dq)) + dv.dot(&(on_velocity * dv)));
         for &axis in p.wrench_axes.as_slice() {
             cost += share * on_wrench[axis] * (x.wrench[axis] - p.set_point.wrench[axis]).powi(2);

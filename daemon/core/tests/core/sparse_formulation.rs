@@ -2,7 +2,7 @@
 //! variables.
 
 use crate::common;
-use crate::common::problems::{Problem, cases, workspace};
+use crate::common::problems::{Problem, cases, left_in, workspace};
 use admittance_core::mpc::condensation::{MpcRows, condense};
 use admittance_core::mpc::model::{Model, State};
 use admittance_core::mpc::qp::{QpOutcome, QpSolver, RowState, kkt_residual};
@@ -87,8 +87,6 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
     }
 
     let (mut hessian, mut gradient) = (vec![vec![0.0; n]; n], vec![0.0; n]);
-    let set_point =
-        relative(&State::moving(p.set_point.joint_position, p.set_point.joint_velocity, p.set_point.wrench));
     let mut q = [[0.0; STATE]; STATE];
     let (on_position, on_velocity, on_wrench) = problem.weights();
     for (row, column) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
@@ -99,7 +97,9 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
         q[4 + axis][4 + axis] = on_wrench[axis];
     }
     for k in 0..h {
-        let share = problem.horizon.share(k);
+        let (share, left) = (problem.horizon.share(k), left_in(problem, k));
+        let velocity = p.set_point.joint_velocity + p.set_point.fading_velocity * left;
+        let set_point = relative(&State::moving(p.set_point.joint_position, velocity, p.set_point.wrench));
         for (row, weights) in q.iter().map(|weights| weights.map(|weight| weight * share)).enumerate() {
             hessian[k * STATE + row][k * STATE..(k + 1) * STATE].copy_from_slice(&weights);
             gradient[k * STATE + row] = -weights.iter().zip(set_point).map(|(weight, x)| weight * x).sum::<f64>();
@@ -107,7 +107,7 @@ fn sparse_solution(problem: &Problem<2, 2>) -> Vec<f64> {
         for (index, &axis) in axes.iter().enumerate() {
             let at = inputs_at + k * m + index;
             hessian[at][at] = p.input_weight[axis] * share;
-            gradient[at] = -hessian[at][at] * p.set_point.input[axis];
+            gradient[at] = -hessian[at][at] * (p.set_point.input[axis] + p.set_point.fading_input[axis] * left);
         }
     }
 

@@ -277,6 +277,8 @@ fn approach_surface<const N: usize, const M: usize>(
                 joint_velocity: commanded,
                 wrench: SVector::zeros(),
                 input: SVector::zeros(),
+                fading_velocity: SVector::zeros(),
+                fading_input: SVector::zeros(),
             },
             jacobian: *posture.jacobian(),
             previous_input: input,

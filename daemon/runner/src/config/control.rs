@@ -59,7 +59,8 @@ config_section! {
         /// slower or of a higher order than told, delays that nobody told. Until the arm was
         /// halted, a plan leaves free below the limit what it would press deeper in this time, where it
         /// can: an impact is softer, and the tool may leave the surface after it. Of a surface of which a range is
-        /// told, what an arm that follows as much earlier would keep is no reason to stop.
+        /// told, what an arm that follows as much earlier would keep is no reason to stop. After a touch the force
+        /// comes down more slowly, with a time constant that is 1.4 times this longer.
         lag_tolerance_s: f64 = 0.0, unit "s", range 0.0..=0.02;
         /// An answer published later than this after the sample's stamp is late; the solver is cut
         /// short before.

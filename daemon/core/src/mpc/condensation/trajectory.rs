@@ -203,6 +203,7 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
     let inputs = prediction.inputs.as_slice();
     let input_weight: SimdVector<M> = pick(inputs, &prediction.input_weight);
     let wanted = input_weight.times(pick(inputs, &prediction.set_point.input));
+    let fading = input_weight.times(pick(inputs, &prediction.set_point.fading_input));
     let mut costate = Joints::<N, C>::ZERO;
     let mut push = SimdVector::<M>::ZERO;
     // Variables stand in reversed time order: backward in time is forward in g.
@@ -219,12 +220,16 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
             filter = Filter::of(axes, step);
             weight = estimates.weight.times(SimdVector::splat(share));
         }
-        add_joint_cost(rows, &jacobian, &joints, share, &mut costate);
+        let left = rows.horizon.left_in(k);
+        let velocity = SimdVector::of(&prediction.set_point.fading_velocity)
+            .times_plus(SimdVector::splat(left), SimdVector::of(&prediction.set_point.joint_velocity));
+        add_joint_cost(rows, &jacobian, &joints, velocity, share, &mut costate);
         push = SimdVector::new(wrench).minus(estimates.set_point).times_plus(weight, push);
         let mut reference = costate.back(step);
         if follows_within {
             reference = reference.plus(estimates.sensitivity_within(axes, step, push, &mut costate));
         }
+        let wanted = fading.times_plus(SimdVector::splat(left), wanted);
         let off = share.map_or(wanted, |share| wanted.times(SimdVector::splat(share)));
         *place = rows.inputs.transposed_times(reference).minus(off).array();
         costate.position = costate.position.plus(estimates.gradients.transposed_times(push.times(filter.by_start)));
@@ -232,18 +237,18 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
     }
 }
 
-/// costate += `share` Q (x − x⁰) of q and q̇.
+/// costate += `share` Q (x − x⁰) of q and q̇, with q̇0 in this step.
 #[inline(always)]
 fn add_joint_cost<const N: usize, const D: usize, const M: usize, const C: usize>(
     rows: &MpcRows<'_, N, D, M, C>,
     jacobian: &SimdMatrix<D, N>,
     joints: &Joints<N, C>,
+    velocity: SimdVector<N>,
     share: Option<f64>,
     costate: &mut Joints<N, C>,
 ) {
-    let set_point = &rows.prediction.set_point;
-    let mut q = joints.position.minus(SimdVector::of(&set_point.joint_position));
-    let mut v = joints.carried[0].minus(SimdVector::of(&set_point.joint_velocity));
+    let mut q = joints.position.minus(SimdVector::of(&rows.prediction.set_point.joint_position));
+    let mut v = joints.carried[0].minus(velocity);
     if let Some(share) = share {
         (q, v) = (q.times(SimdVector::splat(share)), v.times(SimdVector::splat(share)));
     }

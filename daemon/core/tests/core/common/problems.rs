@@ -30,6 +30,19 @@ pub(crate) fn first_reached(discretization: Discretization) -> usize {
     }
 }
 
+/// Time constant in s with which parts of the set points fade in all of these problems.
+const FADING: f64 = 0.01;
+
+/// The mean of what is left of them in step `step`, by Simpson's rule.
+pub(crate) fn left_in<const N: usize, const D: usize>(problem: &Problem<N, D>, step: usize) -> f64 {
+    const PARTS: usize = 64;
+    let durations: Vec<f64> = problem.horizon.steps().iter().map(|step| step.duration).collect();
+    let start: f64 = durations[..step].iter().sum();
+    let at = |part: usize| (-(start + durations[step] * part as f64 / PARTS as f64) / FADING).exp();
+    let weight = |part: usize| if part == 0 || part == PARTS { 1.0 } else { 2.0 * (1 + part % 2) as f64 };
+    (0..=PARTS).map(|part| weight(part) * at(part)).sum::<f64>() / (3 * PARTS) as f64
+}
+
 /// N in one unit of the slack variable.
 pub(crate) const SLACK_UNIT: f64 = 100.0;
 
@@ -86,6 +99,8 @@ impl Case {
                 joint_velocity: velocity(&sample.twist_reference),
                 wrench: Vector2::new(1.0, -2.0),
                 input: Vector2::new(0.02, -0.05),
+                fading_velocity: velocity(&Vector2::new(0.01, 0.04)),
+                fading_input: Vector2::new(0.01, 0.04),
             },
             weights: Box::leak(Box::new(self.weights)),
             jacobian: parameters.chain.kinematics(&q).task_jacobian(),
@@ -93,7 +108,8 @@ impl Case {
             slack: None,
         };
         let horizon =
-            Horizon::new(self.discretization, self.steps, |_| &[], &parameters.loops, &Vector2::repeat(self.estimate));
+            Horizon::new(self.discretization, self.steps, |_| &[], &parameters.loops, &Vector2::repeat(self.estimate))
+                .fading_within(FADING);
         Problem { model, horizon, prediction }
     }
 }
@@ -285,6 +301,8 @@ impl Shape {
                 joint_velocity: numbers.vector(0.3),
                 wrench: numbers.vector(5.0),
                 input: numbers.vector(0.3),
+                fading_velocity: numbers.vector(0.3),
+                fading_input: numbers.vector(0.3),
             },
             weights: Box::leak(Box::new(weights)),
             jacobian: numbers.matrix(1.0),
@@ -292,7 +310,8 @@ impl Shape {
             slack: self.slack,
         };
         let (loops, estimate) = self.lags();
-        let horizon = Horizon::new(self.discretization, &self.steps, |step| self.inside(step), &loops, &estimate);
+        let horizon = Horizon::new(self.discretization, &self.steps, |step| self.inside(step), &loops, &estimate)
+            .fading_within(FADING);
         Problem { model, horizon, prediction }
     }
 }

@@ -62,6 +62,11 @@ impl<'a, const N: usize, const M: usize> SparseBuilder<'a, N, M> {
     fn push_cost(&mut self) {
         let (sequence, problem) = (self.sequence, self.problem);
         let set_point = &problem.set_point;
+        // No sequence fades; the core's own tests have problems that do.
+        assert!(
+            set_point.fading_velocity.amax() == 0.0 && set_point.fading_input.amax() == 0.0,
+            "a set point that fades"
+        );
         let (Weights::Joint { wrench, .. } | Weights::Task { wrench, .. }) = &sequence.weights;
         for step in 1..=self.steps() {
             let (state, share) = (self.state(step), sequence.horizon.share(step - 1));

@@ -59,6 +59,8 @@ impl ProblemFile {
                     joint_velocity: reference.joint_velocity,
                     wrench: reference.wrench,
                     input: SVector::zeros(),
+                    fading_velocity: SVector::zeros(),
+                    fading_input: SVector::zeros(),
                 },
                 jacobian: SMatrix::zeros(),
                 previous_input: SVector::zeros(),

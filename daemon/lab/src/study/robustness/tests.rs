@@ -95,6 +95,17 @@ fn a_contact_is_not_lost_while_its_force_settles() {
     }
 }
 
+/// At full speed: lost where what a T_est a quarter longer than told hides was not asked for besides while f̂ fell.
+#[test]
+fn a_force_that_falls_is_not_lost_to_a_lag_that_may_be_longer() {
+    for (name, seed, index) in
+        [("planar, 1 ms", 101, 577), ("seven joints, 4 ms", 103, 220), ("six joints, 4 ms", 104, 182)]
+    {
+        let contact = told_at(SPEEDS[0], &Told::default(), &cell_of(name), seed, index);
+        assert_eq!((contact.stop_reason, contact.late_losses), (None, 0), "{seed} {index}: {contact:?}");
+    }
+}
+
 /// Stopped as out of the range of 0.4 to 2.5 times what is told, at 0.52, 0.70 and 0.69 times it: after a touch had bounced, what is
 /// wrong of a tool's weight and of T_est was most of some 10 N that f̂ showed.
 #[test]
