@@ -2,9 +2,7 @@
 //! not bounce for as long as it presses, and comes back slowly to what it has bounced off.
 
 use admittance_host::robot_description::VelocityLoopDescription;
-use admittance_runner::config::{DampingSection, LawName};
 use end_to_end::closed_loop::{Experiment, Run};
-use ipc_types::Mode;
 
 /// Instants of contact within a sample.
 const INSTANTS: u32 = 8;
@@ -79,21 +77,4 @@ fn an_arm_that_has_bounced_off_comes_back_at_a_quarter_of_its_approach() {
         });
     }
     assert!(bounced > 0, "nothing bounces: the test tests nothing");
-}
-
-/// In free motion, whichever law is in force: with damping it once came back at 10 mm/s, however fast it had come.
-#[test]
-fn with_the_damping_law_it_comes_back_at_a_quarter_too() {
-    let mut experiment = Experiment::paper(0.004, 0.16);
-    experiment.config.control.law = LawName::Damping;
-    experiment.config.damping = Some(DampingSection { damping_n_s_m: vec![100.0; 2] });
-    let approach = 0.16 * experiment.config.environment.surface_normal[1];
-    experiment.at_instants(INSTANTS, |share, run| {
-        let lost = run.instants.iter().find(|at| at.truth.contact_losses > 0).expect("it bounces").time();
-        let mut free = run.clone();
-        free.instants.retain(|at| at.is_in(Mode::Free));
-        let inward = inward_speed(&free, &experiment, lost);
-        println!("contact at {share}: {inward:.4} of {approach:.4} m/s inward");
-        assert!((inward - 0.25 * approach).abs() < 0.01 * approach, "{inward} m/s, contact at {share}");
-    });
 }
