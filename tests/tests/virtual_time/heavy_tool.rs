@@ -142,6 +142,7 @@ fn a_surface_is_followed_with_a_heavy_tool_and_a_coarse_encoder() {
         // 20 N are asked for. At 1e-4 rad the depth itself is known within 0.07 mm, which is 7 N here.
         let off = |settled: f64| (settled - 20.0).abs();
         let exact = settled(0.0);
+        assert!(off(exact) < 1.5, "{exact} N at {sampling_time} s, to {side}");
         for (noise_rad, more) in [(1e-5, 0.5), (1e-4, 2.0)] {
             let coarse = settled(noise_rad);
             assert!(off(coarse) < off(exact) + more, "{coarse} N with {noise_rad} rad, {exact} N without");

@@ -384,3 +384,20 @@ fn a_motion_controller_that_does_not_follow_is_refused_and_told() {
     // The daemon never takes the arm: it stays idle, and nothing is added.
     assert_eq!((last.command.mode, last.command.velocity_offset), (Mode::Idle.code(), [0.0; 6]));
 }
+
+/// What J⁻¹ turns by within the null space moves the tool of a lifting column with an arm on it, whose joints lag by 10 to 30 ms: at
+/// 0.1 m/s the force was 0.3 N below what was asked for, and grew on.
+#[test]
+fn an_arm_whose_joints_lag_differently_presses_with_what_is_asked_for() {
+    let mut experiment = Experiment::new(
+        include_str!("../../../deploy/robots/eight-joint.toml"),
+        include_str!("../../../plant-sim/scenarios/eight-joint.toml"),
+        0.001,
+    )
+    .with_motion(&[(0.4, &DOWN), (2.0, &[0.1, 0.0, -0.05, 0.0, 0.0, 0.0])]);
+    experiment.config.contact.normal_force_reference_n = 20.0;
+    let run = experiment.run();
+    println!("settled {:.3} N", run.settled_normal());
+    assert_eq!((run.stop_reason(), run.losses()), (None, 0));
+    assert!((run.settled_normal() - 20.0).abs() < 0.1, "{} N", run.settled_normal());
+}

@@ -51,8 +51,12 @@ const SLIDE: f64 = 0.95;
 const ROOM: f64 = 4.0;
 /// Part of what the drives allow at once that a tool may have to leave a depth with.
 const BACK_AT_ONCE: f64 = 0.5;
-/// In how many times the lag of the speed loops, a cycle, and what delays a command or may delay it, the force then settles.
+/// Time constant with which the force settles, in times the sum of all that lags: the slowest speed loop, a cycle, the longest
+/// dead time, the delay of commands, and by how much the arm may follow later.
 const SETTLING_LAGS: f64 = 1.4;
+/// Part of what joints on their way in cover yet that counts as excess. All of it would stop an arm of second order that was told to be
+/// of first for what it does not press yet, and it would leave the surface again; with none of it noise would be more of an offset.
+const COVERED_INWARD: f64 = 0.1;
 /// Least part of the normal along what gives way that can take a motion out of the surface.
 const LEAST_PART: f64 = 0.1;
 
@@ -239,18 +243,6 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             None => options.normal_force_reference.max(kept),
             Some(_) => pressing(options.normal_force_reference).max(kept),
         };
-        // Which way the arm shall move: along the surface, and away from it as fast as the force
-        // settles.
-        let settling = if holds && demand.settles {
-            // What joints that lead out cover yet by themselves is no excess any more. On the way in the same would stop
-            // the arm for what it does not press yet, and it would leave the surface again.
-            let outward = situation.outward_speed(&situation.joints.velocity).max(0.0);
-            let further = surface.normal_stiffness() * outward * settings.loops.slowest();
-            let excess = surface.spring_force(sample.posture.pose()) - further - normal_force;
-            out * (excess / (surface.normal_stiffness() * settings.settling_time()))
-        } else {
-            SVector::zeros()
-        };
         let used = |twist: &SVector<f64, D>| {
             let wanted = situation.told_with(twist);
             let used = |most: &SVector<f64, N>| wanted.zip_map(most, |speed, most| speed.abs() / most).max();
@@ -266,6 +258,15 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let behind_along_normal = situation.outward_speed(&behind);
         let lead = if holds { behind_along_normal - situation.falling_away(&told) } else { 0.0 };
         let lead_within = |most: f64| surface.normal * lead.clamp(-most, most);
+        // Which way the arm shall move: along the surface, and away from it as fast as the force
+        // settles.
+        let settling = if holds && demand.settles {
+            let of_slide = situation.outward_speed(&told) - situation.falling_away(&told);
+            let excess = excess(&settings, situation, normal_force, of_slide);
+            out * (excess / (surface.normal_stiffness() * settings.settling_time()))
+        } else {
+            SVector::zeros()
+        };
         // Where little is left of the joints' speed, the force comes first: a dear input would keep
         // the way along the surface instead.
         let left = 1.0 - used(&(sliding + settling + lead_within(MOST_LEAD)));
@@ -349,6 +350,21 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
             (solution, _) => solution,
         }
     }
+}
+
+/// What the surface presses with beyond a `force`, in N, less what joints that move out of it faster than the slide does (`of_slide`, m/s)
+/// cover yet by themselves, until they are as slow as that: that is no excess any more.
+pub(super) fn excess<const N: usize, const D: usize>(
+    settings: &Settings<N, D>,
+    situation: &Situation<'_, N, D>,
+    force: f64,
+    of_slide: f64,
+) -> f64 {
+    let surface = situation.belief.surface();
+    let [by_velocity, ..] = settings.loops.until_rest();
+    let further = (situation.outward_speed(&situation.joints.velocity) - of_slide) * by_velocity.max();
+    let covered = further.max(COVERED_INWARD * further);
+    surface.spring_force(situation.sample.posture.pose()) - surface.normal_stiffness() * covered - force
 }
 
 /// J⁻¹ of the twist in each step.

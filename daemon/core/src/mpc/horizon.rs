@@ -116,10 +116,10 @@ impl<const N: usize, const D: usize> Horizon<N, D> {
         self
     }
 
-    /// The same horizon, in which the fading parts of set points decay with this time constant (s, above 0), from its
+    /// The same horizon, in which the fading parts of set points decay with this time constant (s, finite and above 0), from its
     /// start on. Each step uses the mean over its length. Without this call they do not decay.
     #[must_use]
-    pub fn fading_within(mut self, time_constant: f64) -> Self {
+    pub fn fading_with(mut self, time_constant: f64) -> Self {
         for step in 0..self.len {
             let (start, duration) = (self.starts[step], self.steps[step].duration);
             let within = -libm::expm1(-duration / time_constant) * time_constant / duration;

@@ -194,7 +194,7 @@ impl<const N: usize, const D: usize, S: QpSolver, B: AsMut<[f64]>> Mpc<N, D, S, 
         let options = &settings.options;
         let horizon = options
             .horizon(settings.timing.sampling_time.seconds(), &settings.loops, &settings.wrench_time_constant)
-            .fading_within(settings.settling_time());
+            .fading_with(settings.settling_time());
         Some(Self {
             workspace: Workspace::new(&horizon, &options.weights, storage)?,
             horizon,

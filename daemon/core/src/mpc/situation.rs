@@ -125,7 +125,8 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
 
     /// T q̈, rad/s: by how much joints that turn with q̇ (rad/s) stay behind the references with which the tool
     /// keeps its way. A joint lags behind its reference by T, and J turns meanwhile: with J q̇ constant, q̈ is
-    /// −J⁻¹ J̇ q̇, and J r has to be J q̇ + J T q̈. A surface that bends turns the way as well.
+    /// −J⁻¹ J̇ q̇, and J r has to be J q̇ + J T q̈. The q̈ of a redundant arm has a part within the null space besides, which
+    /// moves the TCP where the joints lag differently. A surface that bends turns the way as well.
     pub(super) fn behind(&self, settings: &Settings<N, D>, joint_velocity: &SVector<f64, N>) -> SVector<f64, N> {
         let (posture, surface) = (&self.sample.posture, self.belief.surface());
         let mut turning = posture.acceleration_at_constant_joint_velocity(joint_velocity);
@@ -135,7 +136,8 @@ impl<'a, const N: usize, const D: usize> Situation<'a, N, D> {
         }
         let held = settings.timing.command_delay.seconds() + 0.5 * settings.tick();
         let lag = (settings.loops.until_rest()[0] + settings.loops.dead_time).add_scalar(held);
-        -self.joint_velocity(&turning).component_mul(&lag)
+        let within = posture.null_acceleration_at_constant_twist(joint_velocity);
+        (within - self.joint_velocity(&turning)).component_mul(&lag)
     }
 
     /// The state when the command for this sample reaches the joints, and the forces until then,

@@ -3,6 +3,7 @@
 use nalgebra::Vector2;
 
 use super::condensation::Capacity;
+use super::contact::excess;
 use super::qp::ActiveSet;
 use super::{Demand, Mpc, Situation, Solution, Verdict};
 use crate::belief::{Belief, JointMotion};
@@ -86,6 +87,29 @@ fn the_force_settles_with_all_that_lags() {
     settings.options.lag_tolerance = 0.005;
     let expected = 1.4 * (0.03 + 0.003 + 0.002 + 0.004 + 0.005);
     assert!((settings.settling_time() - expected).abs() < 1e-12, "{} s", settings.settling_time());
+}
+
+/// On the way out by what the joints cover yet, on the way in by a tenth of it; by nothing for a slide, whichever way that goes.
+#[test]
+fn what_joints_cover_by_themselves_is_no_excess() {
+    for damping in [0.0, 1.0] {
+        let mut parameters = parameters();
+        parameters.loops.damping.fill(damping);
+        let [by_velocity, ..] = parameters.loops.until_rest();
+        let slide = Vector2::new(0.3, -0.2);
+        for (outward, part) in [(0.0, 0.0), (0.02, 1.0), (-0.02, 0.1)] {
+            let mut sample = pressing(60.0, 1);
+            let inverse = parameters.chain.kinematics(&sample.joint_position).inverse::<2>(0.0).expect("regular");
+            sample.joint_velocity = slide + inverse.matrix * (normal() * outward);
+            let (is, expected) = solved_at(&mut mpc_of(&parameters), &sample, |mpc, situation| {
+                let surface = situation.belief.surface();
+                let covered = surface.normal_stiffness() * outward * by_velocity.max() * part;
+                let expected = surface.spring_force(situation.sample.posture.pose()) - covered - 20.0;
+                (excess(&mpc.settings, situation, 20.0, situation.outward_speed(&slide)), expected)
+            });
+            assert!((is - expected).abs() < 1e-6, "{outward} m/s, damping {damping}: {is} N, not {expected}");
+        }
+    }
 }
 
 /// A tool that leaves fast is deepest before any input acts: a margin counts that as well.

@@ -47,21 +47,40 @@ impl<const N: usize, const D: usize> Posture<N, D> {
     /// J̇ q̇: the acceleration (m/s², rad/s²) of the TCP on the task axes while every joint keeps
     /// its velocity q̇ in rad/s or m/s.
     pub fn acceleration_at_constant_joint_velocity(&self, joint_velocity: &SVector<f64, N>) -> SVector<f64, D> {
-        let jacobian = &self.kinematics.jacobian;
-        let (mut linear, mut angular) = (Vector3::zeros(), Vector3::zeros());
+        let mut acceleration = SVector::zeros();
+        self.each_turning_column(joint_velocity, |joint, column| acceleration += column * joint_velocity[joint]);
+        acceleration
+    }
+
+    /// q̈ (rad/s² or m/s²) within the null space of joints that move with q̇ (rad/s or m/s) and go on by J⁻¹ of the same
+    /// twist: J⁻¹ = W⁻¹Jᵀ(JW⁻¹Jᵀ)⁻¹ turns there as well, by P W⁻¹ J̇ᵀ (JW⁻¹Jᵀ)⁻¹ with P = I − J⁻¹J. About that where J⁻¹ is
+    /// damped. 0 of an arm that is not redundant, and where J has no inverse.
+    pub fn null_acceleration_at_constant_twist(&self, joint_velocity: &SVector<f64, N>) -> SVector<f64, N> {
+        let is_redundant = (0..D).filter(|&axis| self.kinematics.axes.has(axis)).count() < N;
+        let Some(inverse) = self.inverse.as_ref().ok().filter(|_| is_redundant) else { return SVector::zeros() };
+        let mobility = self.kinematics.resolution.mobility();
+        // (JW⁻¹Jᵀ)⁻¹ ẋ = J⁻ᵀ W J⁻¹ ẋ.
+        let least = inverse.matrix * (self.jacobian * joint_velocity);
+        let price = inverse.matrix.tr_mul(&least.component_div(&mobility));
+        let mut pushed = SVector::<f64, N>::zeros();
+        self.each_turning_column(joint_velocity, |joint, column| pushed[joint] = mobility[joint] * column.dot(&price));
+        pushed - inverse.matrix * (self.jacobian * pushed)
+    }
+
+    /// The columns of J̇ while the joints move with q̇ (rad/s or m/s), one joint after the other.
+    fn each_turning_column(&self, joint_velocity: &SVector<f64, N>, mut each: impl FnMut(usize, SVector<f64, D>)) {
         // ∂/∂q_j of z_i × (p − o_i), the column of joint i: z_j × (z_i × (p − o_i)) for j ≤ i, else
         // z_i × (z_j × (p − o_j)); of z_i, where the joint slides, z_j × z_i for j < i, else 0. The joints up
-        // to i turn by `turning`; those beyond move the TCP
-        // by `further`.
+        // to i turn by `turning`; those beyond move the TCP by `further`.
         let (mut turning, (mut further, _)) = (Vector3::zeros(), self.velocity(joint_velocity));
-        for (column, speed) in jacobian.column_iter().zip(joint_velocity.iter()) {
-            let (moved, axis) = (column.fixed_rows::<3>(0) * *speed, column.fixed_rows::<3>(3) * *speed);
-            angular += turning.cross(&axis);
-            turning += axis;
-            further -= moved;
-            linear += turning.cross(&moved) + axis.cross(&further);
+        for (joint, column) in self.kinematics.jacobian.column_iter().enumerate() {
+            let (moved, axis) = (column.fixed_rows::<3>(0).into_owned(), column.fixed_rows::<3>(3).into_owned());
+            let angular = turning.cross(&axis);
+            turning += axis * joint_velocity[joint];
+            further -= moved * joint_velocity[joint];
+            let linear = turning.cross(&moved) + axis.cross(&further);
+            each(joint, self.kinematics.axes.kept(&on_task_axes(&linear, &angular)));
         }
-        self.kinematics.axes.kept(&on_task_axes(&linear, &angular))
     }
 
     /// Reciprocal condition number of J after the joints of `chain` have moved on by `way` (rad or m), to

@@ -1,7 +1,9 @@
 //! Kinematics against golden/kinematics.json, which an independent script computes with 80 digits.
 
-use admittance_core::robot::{Chain, Joint, JointKind, Pose, Posture, TaskAxes, right_inverse, rotation_from_rpy};
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use admittance_core::robot::{
+    Chain, Joint, JointKind, Pose, Posture, Resolution, TaskAxes, right_inverse, rotation_from_rpy,
+};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use serde::Deserialize;
 use std::f64::consts::PI;
 
@@ -311,16 +313,42 @@ fn the_acceleration_at_constant_joint_velocity_is_the_derivative_of_the_twist() 
     }
 }
 
+/// q̈ of a redundant arm that keeps its twist, with W and on fewer axes too, against the difference of J⁻¹ ẋ on both sides; of its two parts
+/// the one within the null space moves nothing of the task, and an arm of as many joints as axes has none.
+#[test]
+fn joints_that_keep_a_twist_accelerate_as_the_inverse_turns() {
+    const STEP: f64 = 1e-5;
+    let weight = Some(SVector::<f64, 7>::from_fn(|joint, _| 1.0 + joint as f64));
+    let mut kinds = [JointKind::Revolute; 7];
+    kinds[0] = JointKind::Prismatic;
+    let four = TaskAxes::of([0, 1, 2, 5]).expect("axes");
+    for (weight, axes) in [(None, TaskAxes::ALL), (weight, TaskAxes::ALL), (weight, four)] {
+        let resolution = Resolution { weight, damping: None };
+        let chain = chain_of(kinds).with_axes(axes).with_resolution(resolution);
+        let q = SVector::<f64, 7>::from_fn(|joint, _| 0.3 + 0.2 * joint as f64);
+        let twist = axes.kept(&Vector6::new(0.1, -0.2, 0.15, 0.3, -0.1, 0.2));
+        let velocity =
+            |q: &SVector<f64, 7>| Posture::<7, 6>::new(&chain, q).inverse(0.0).expect("regular").matrix * twist;
+        let speed = velocity(&q);
+        let expected = (velocity(&(q + speed * STEP)) - velocity(&(q - speed * STEP))) / (2.0 * STEP);
+        let posture = Posture::<7, 6>::new(&chain, &q);
+        let within = posture.null_acceleration_at_constant_twist(&speed);
+        let turning = posture.acceleration_at_constant_joint_velocity(&speed);
+        let acceleration = within - posture.inverse(0.0).expect("regular").matrix * turning;
+        assert!((acceleration - expected).amax() < 1e-8, "{acceleration}, by differences {expected}");
+        assert!(within.norm() > 0.01, "nothing is tested: {within}");
+        assert!((posture.jacobian() * within).amax() < 1e-12, "it moves the task: {}", posture.jacobian() * within);
+    }
+    let golden = golden();
+    let six = arm(&golden, 6);
+    let posture = Posture::<6, 6>::new(&six.chain.chain(), &SVector::from_column_slice(&six.poses[0].q));
+    let velocity = SVector::<f64, 6>::repeat(0.5);
+    assert_eq!(posture.null_acceleration_at_constant_twist(&velocity), velocity * 0.0);
+}
+
 fn check_acceleration(kinds: [JointKind; 7]) {
     const STEP: f64 = 1e-5;
-    let joint = |index: usize| Joint {
-        origin: Vector3::new(0.1, 0.3 / (1.0 + index as f64), 0.2),
-        rotation: rotation_from_rpy([0.4 * index as f64, -0.7, 0.3]),
-        axis: [Vector3::z(), Vector3::y(), Vector3::new(1.0, 1.0, 0.0)][index % 3],
-        kind: kinds[index],
-    };
-    let tool = Pose { position: Vector3::new(0.1, 0.0, 0.2), rotation: Matrix3::identity() };
-    let chain = Chain::<7>::new(std::array::from_fn(joint), tool).expect("a chain");
+    let chain = chain_of(kinds);
     let q = SVector::<f64, 7>::from_fn(|joint, _| 0.3 + 0.2 * joint as f64);
     let speed = SVector::<f64, 7>::from_fn(|joint, _| 1.5 - 0.6 * joint as f64);
     let twist = |time: f64| Posture::<7, 6>::new(&chain, &(q + speed * time)).jacobian() * speed;
@@ -328,4 +356,16 @@ fn check_acceleration(kinds: [JointKind; 7]) {
     let acceleration = Posture::<7, 6>::new(&chain, &q).acceleration_at_constant_joint_velocity(&speed);
     assert!(expected.amin() > 0.1, "every axis is tested: {expected}");
     assert!((acceleration - expected).amax() < 1e-8, "{acceleration}, by differences {expected}");
+}
+
+/// Seven joints about all axes, or along them.
+fn chain_of(kinds: [JointKind; 7]) -> Chain<7> {
+    let joint = |index: usize| Joint {
+        origin: Vector3::new(0.1, 0.3 / (1.0 + index as f64), 0.2),
+        rotation: rotation_from_rpy([0.4 * index as f64, -0.7, 0.3]),
+        axis: [Vector3::z(), Vector3::y(), Vector3::new(1.0, 1.0, 0.0)][index % 3],
+        kind: kinds[index],
+    };
+    let tool = Pose { position: Vector3::new(0.1, 0.0, 0.2), rotation: Matrix3::identity() };
+    Chain::new(std::array::from_fn(joint), tool).expect("a chain")
 }

@@ -55,7 +55,7 @@ config_section! {
         /// By what share of wrench_time_constant_s its lag may be longer than that. A verdict is feasible only
         /// where the force would be kept if f̂ hid so much more of what it does not show yet; else it is AtRisk.
         /// Of the inertia of wrench.tool_mass_kg f̂ may show as much for a force: touch and guards allow for that.
-        /// Of a surface of which a range is told, the force comes down more slowly after a touch.
+        /// Of a surface of which a range is told, the force comes down more slowly after a touch, the more f̂ still shows.
         wrench_lag_tolerance: f64 = 0.0, unit "1", range 0.0..=1.0;
         /// By how much later the wrench estimate shows the force, besides that lag: transport, a
         /// filter that delays. Not with environment.contact = "detected".

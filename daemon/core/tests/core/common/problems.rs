@@ -109,7 +109,7 @@ impl Case {
         };
         let horizon =
             Horizon::new(self.discretization, self.steps, |_| &[], &parameters.loops, &Vector2::repeat(self.estimate))
-                .fading_within(FADING);
+                .fading_with(FADING);
         Problem { model, horizon, prediction }
     }
 }
@@ -311,7 +311,7 @@ impl Shape {
         };
         let (loops, estimate) = self.lags();
         let horizon = Horizon::new(self.discretization, &self.steps, |step| self.inside(step), &loops, &estimate)
-            .fading_within(FADING);
+            .fading_with(FADING);
         Problem { model, horizon, prediction }
     }
 }
