@@ -346,7 +346,9 @@ impl Cell {
             }
         }
         if let Some(surface) = &self.plant.surface {
-            set(&mut told, "environment", "impact_stiffness_n_m", surface.stiffness_n_m);
+            for key in ["impact_stiffness_n_m", "most_impact_stiffness_n_m"] {
+                set(&mut told, "environment", key, surface.stiffness_n_m);
+            }
             set(&mut told, "environment", "surface_normal", list(surface.normal));
         }
         set(&mut told, "contact", "wrench_time_constant_s", list(self.plant.wrench.time_constant_s.clone()));

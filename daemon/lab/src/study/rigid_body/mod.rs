@@ -254,6 +254,14 @@ mod tests {
         }
     }
 
+    /// What was identified of an impact ended below the true stiffness, which then was no configuration.
+    #[test]
+    fn an_arm_as_it_is_can_be_told_whatever_was_identified() {
+        let study = Study::new(19_580);
+        let (cell, commissioned) = study.cell(15).unwrap();
+        study.run(15, &cell, &commissioned).unwrap();
+    }
+
     #[test]
     fn an_arm_is_identified_and_pressed_with_and_again_the_same() {
         let study = Study::new(7);
