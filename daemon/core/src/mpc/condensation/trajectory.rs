@@ -237,7 +237,7 @@ pub(super) fn write_gradient<const N: usize, const D: usize, const M: usize, con
     }
 }
 
-/// costate += `share` Q (x − x⁰) of q and q̇, with q̇0 in this step.
+/// costate += `share` Q (x − x⁰) of q and q̇, with q̇0 = `velocity` in this step (rad/s, m/s of a sliding joint).
 #[inline(always)]
 fn add_joint_cost<const N: usize, const D: usize, const M: usize, const C: usize>(
     rows: &MpcRows<'_, N, D, M, C>,
